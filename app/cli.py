@@ -18,6 +18,7 @@ import typer
 
 from app.commands import options
 from app.commands.arguments import SeveralWords
+from app.commands.design import design
 from app.commands.exits import (
     CaughtSignals,
     CommandGroup,
@@ -208,6 +209,9 @@ def export(
     from app.commands.export import export
 
     export(result, to, out, temperature or [])
+
+
+app.command(cls=SeveralWords)(design)
 
 
 @app.command(cls=SeveralWords)

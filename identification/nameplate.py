@@ -72,11 +72,13 @@ class Nameplate:
         resistance: Armature resistance [ohm]; None if the data do not determine it.
         constant: Torque and back-EMF constant [N m/A]; None if the data do not determine it.
         friction: Upper bound of the viscous friction [N m s/rad]; None if the data give none.
+        voltage: Voltage of the data [V]; None if not given.
     """
 
     resistance: float | None = None
     constant: float | None = None
     friction: float | None = None
+    voltage: float | None = None
 
     @property
     def priors(self) -> tuple[Prior, ...]:
@@ -215,7 +217,7 @@ def _derived(data: Mapping[str, float]) -> Nameplate:
     elif rated and "rated_torque" in data:
         constant = data["rated_torque"] / (rated - idle)
     friction = constant * idle / free if constant and idle and free else None
-    return Nameplate(resistance, constant, friction)
+    return Nameplate(resistance, constant, friction, voltage)
 
 
 def _refusal(part: str, message: str) -> OptionError:

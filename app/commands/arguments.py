@@ -6,6 +6,7 @@
 --set Ra25=0.59 Kt25=0.071
 --known Kt25=0.048+-5% L=2.9e-3
 --nameplate voltage=12 no_load_speed=3000rpm
+--limit voltage=24 current=10
 --map 'current_A=CH2 * 2.5 + 0.1 in mA'
 --map 'run3.csv:current_A=CH2 * -1'     for that file only
 """
@@ -63,6 +64,7 @@ class SeveralWords(typer.core.TyperCommand):
         "--controller": lambda word: re.match(r"(?i)[a-z+]{1,5}:", word) is not None,
         "--kind": lambda word: re.fullmatch(r"(?i)p|pi|pi\+ff|pid", word) is not None,
         "--known": lambda word: re.match(r"\w+=", word) is not None,
+        "--limit": lambda word: re.match(r"\w+=", word) is not None,
         "--nameplate": lambda word: re.match(r"\w+=", word) is not None,
         "--set": lambda word: re.match(r"\w+=", word) is not None,
     }

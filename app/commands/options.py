@@ -17,6 +17,10 @@ __all__ = [
     "CampaignOut",
     "Controllers",
     "DataDir",
+    "DesignLimits",
+    "DesignPlate",
+    "DesignTemperatures",
+    "Duration",
     "Effort",
     "ExportFormat",
     "ExportTemperatures",
@@ -27,16 +31,20 @@ __all__ = [
     "Known",
     "MapWords",
     "MappingFile",
+    "Narrow",
     "NewBackup",
     "NoAuth",
     "NoEffects",
     "NoPosterior",
+    "OptionalResult",
     "OutDir",
     "OutFile",
     "Parameters",
     "Plate",
     "Port",
+    "ProfileOut",
     "Quiet",
+    "Rate",
     "Result",
     "ResultFile",
     "Runs",
@@ -66,6 +74,58 @@ ExportTemperatures = Annotated[
         parser=decimal,
         metavar="DEGC...",
         help="Temperatures of linear models.  [default: those of the result]",
+    ),
+]
+OptionalResult = Annotated[
+    Path | None, typer.Argument(metavar="RESULT", help="result.json of a fit.")
+]
+ProfileOut = Annotated[
+    Path, typer.Option(metavar="FILE", help="CSV file to write; FILE.json describes it.")
+]
+DesignPlate = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--nameplate",
+        metavar="KEY=VALUE...",
+        help="Nameplate of a motor without runs, in place of RESULT: voltage, no_load_speed, "
+        "no_load_current, stall_current, rated_speed, rated_current; SI units, or append rpm, mA.",
+    ),
+]
+Narrow = Annotated[
+    str | None,
+    typer.Option(
+        metavar="QUANTITY",
+        help="Quantity to narrow: a parameter such as Ra25, or a metric of the speed loop such as "
+        "rise_time_s@125.  [default: all parameters]",
+    ),
+]
+DesignLimits = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--limit",
+        metavar="NAME=VALUE...",
+        help="Largest voltage [V], current [A], speed [rad/s], slew [V/s], position [rad].  "
+        "[default: largest voltage, current and speed of the earlier runs]",
+    ),
+]
+Duration = Annotated[
+    float | None,
+    typer.Option(
+        parser=decimal, metavar="SECONDS", help="Duration.  [default: as the earlier runs]"
+    ),
+]
+Rate = Annotated[
+    float | None,
+    typer.Option(parser=decimal, metavar="HZ", help="Sample rate.  [default: as the earlier runs]"),
+]
+DesignTemperatures = Annotated[
+    list[float] | None,
+    typer.Option(
+        "--temperature",
+        parser=decimal,
+        metavar="DEGC...",
+        help="Temperatures that the bench can hold; the best one is proposed.  [default: the "
+        "lowest and the highest of the earlier runs]",
     ),
 ]
 Validation = Annotated[

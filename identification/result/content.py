@@ -27,6 +27,7 @@ from identification.fit.identifiability import identified
 from identification.fit.sensors import coarse_warnings
 from identification.fit.solve import Fit
 from identification.fit.temperature import estimated_temperatures
+from identification.ingest.run import Run
 from identification.model.unlogged import COLDEST, HOTTEST
 from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
@@ -39,6 +40,7 @@ from identification.result.known_values import (
     known_only_warnings,
     prior_entries,
 )
+from identification.result.models import model_entries
 from identification.result.omitted import (
     confounded_entries,
     confounded_warnings,
@@ -87,6 +89,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         "parameters": after,
         "correlation": _correlation(final, findings.draws),
         "effects": effect_entries(findings.outcome, final, findings.draws, findings.known),
+        "models": model_entries(findings.outcome, final, findings.fraction),
         "diagnosis": {
             "residual": detection_entry(findings.before),
             "trace": trace_entry(
@@ -191,6 +194,7 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
             "rows": run.rows,
             "sample_rate_hz": run.sample_rate_hz,
             "hottest_degC": None if run.temperature is None else hottest.get(number),
+            "ranges": _ranges(run),
             "same_as": campaign.alike[number],
             "channels": {name: source.entry() for name, source in run.sources.items()},
         }
@@ -199,6 +203,21 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
             + [("validation", run) for run in campaign.validation_runs]
         )
     ]
+
+
+def _ranges(run: Run) -> dict[str, list[float]]:
+    """Smallest and largest value of each logged channel, in SI units."""
+    channels = {
+        "voltage_V": run.voltage,
+        "current_A": run.current,
+        "speed_rad_s": run.speed,
+        "temperature_degC": run.temperature,
+    }
+    return {
+        name: [float(values.min()), float(values.max())]
+        for name, values in channels.items()
+        if values is not None
+    }
 
 
 def _checks(admission: Admission | None, found: Sequence[Finding]) -> dict[str, object]:

@@ -19,10 +19,14 @@ class Alternative:
     Args:
         name: Effect type.
         probability: Posterior probability of the model with it [-].
+        fit: Fit of the model with it in place of the accepted effect.
+        fraction: Effective sample fraction of that fit [-].
     """
 
     name: str
     probability: float
+    fit: Fit
+    fraction: float
 
 
 @dataclass(frozen=True)

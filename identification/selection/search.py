@@ -29,7 +29,8 @@ that fit equally well are reported as alternatives with their posterior probabil
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -283,14 +284,19 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
         odds = probabilities(scores_of(models))
         best = models[ranked(models, trials.policy)[0]]
         better = best if best is not current else better
-        others: dict[str, float] = {}
-        for rival, probability in zip(rivals, odds[1:], strict=True):
-            added = rival.fit.simulator.model.terms[-1].name
-            others[added] = others.get(added, 0.0) + float(probability)
-        alternatives = tuple(
-            Alternative(other, probability)
-            for other, probability in sorted(others.items(), key=lambda item: -item[1])
-            if probability > trials.policy.reported_probability
-        )
+        alternatives = _alternatives(rivals, odds[1:].tolist(), trials.policy.reported_probability)
         effects.append(Found(term.name, float(odds[0]), criteria, alternatives))
     return sorted(effects, key=lambda effect: -effect.criteria.gain), better
+
+
+def _alternatives(
+    rivals: Sequence[EvaluatedModel], odds: Sequence[float], least: float
+) -> tuple[Alternative, ...]:
+    """Effect types with a probability above `least`, each with the fit of its most probable law."""
+    found: dict[str, Alternative] = {}
+    for probability, rival in sorted(zip(odds, rivals, strict=True), key=lambda item: -item[0]):
+        name = rival.fit.simulator.model.terms[-1].name
+        known = found.get(name) or Alternative(name, 0.0, rival.fit, rival.fraction)
+        found[name] = replace(known, probability=known.probability + probability)
+    ordered = sorted(found.values(), key=lambda other: -other.probability)
+    return tuple(other for other in ordered if other.probability > least)

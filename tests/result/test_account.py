@@ -43,7 +43,7 @@ def result(off: bool = True) -> dict[str, Any]:
 
 def outcome(name: str, *searched: Searched) -> Outcome:
     """Outcome with one found effect and one alternative."""
-    other = Alternative("viscous_temperature", 0.03)
+    other = Alternative("viscous_temperature", 0.03, fit_with(), 1.0)
     found = Found(name, 0.97, PASSED, (other,))
     return Outcome(fit_with(), (found,), searched)
 

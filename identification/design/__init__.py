@@ -1,0 +1,31 @@
+"""Design of the next run: the voltage that separates alternatives and narrows parameters.
+
+proposal = propose(task_of_result(read_result("out/motor").result, DesignOptions()))
+Path("next.csv").write_text(profile_csv(proposal))
+
+models.py     models of a result or a nameplate, with the covariance of their parameters
+quantity.py   quantity to narrow
+task.py       models, quantity, limits and grid of the run
+profiles.py   families of voltage profiles
+response.py   readings and sensitivities of a candidate
+limits.py     profiles scaled until every draw holds the limits
+criteria.py   expected information about parameters and models
+propose.py    search of the best profile
+output.py     CSV, JSON and sentences
+"""
+
+from identification.design.output import profile_csv, proposal_entry, summary
+from identification.design.propose import Proposal, propose
+from identification.design.task import DesignOptions, Task, task_of_nameplate, task_of_result
+
+__all__ = [
+    "DesignOptions",
+    "Proposal",
+    "Task",
+    "profile_csv",
+    "propose",
+    "proposal_entry",
+    "summary",
+    "task_of_nameplate",
+    "task_of_result",
+]

@@ -1,0 +1,159 @@
+"""Limits of a run, their syntax ``voltage=24,current=10,...``, and profiles scaled to hold them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.design.response import Predictor
+from identification.errors import OptionError
+from identification.numerals import decimal_of
+
+__all__ = ["UNITS", "Limits", "limits_of", "peaks", "slew_limited", "within"]
+
+Array = NDArray[np.float64]
+
+UNITS: Final = {
+    "voltage": "V",
+    "current": "A",
+    "speed": "rad/s",
+    "slew": "V/s",
+    "position": "rad",
+}
+_ROUNDS: Final = 10
+_MARGIN: Final = 0.98
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Largest magnitudes in a run; infinite without a limit.
+
+    Args:
+        voltage: Voltage [V].
+        current: Current [A].
+        speed: Speed [rad/s].
+        slew: Rate of change of the voltage [V/s].
+        position: Distance of the shaft from its angle at the start [rad].
+    """
+
+    voltage: float
+    current: float = math.inf
+    speed: float = math.inf
+    slew: float = math.inf
+    position: float = math.inf
+
+    def entry(self) -> dict[str, float | None]:
+        """The limits by name; null without a limit."""
+        return {k: v if math.isfinite(v) else None for k, v in asdict(self).items()}
+
+
+def limits_of(words: Sequence[str]) -> dict[str, float]:
+    """Limits from ``NAME=VALUE,...``; several texts are joined.
+
+    Raises:
+        OptionError: A name is unknown or repeated, or a value is not a positive number.
+    """
+    found: dict[str, float] = {}
+    names = [field.name for field in fields(Limits)]
+    for part in (part.strip() for word in words for part in word.split(",")):
+        name, _, text = (piece.strip() for piece in part.partition("="))
+        if name not in names or name in found:
+            raise OptionError(
+                f"limit {part[:60]!r}: expected NAME=VALUE, once each, with a name of "
+                f"{', '.join(f'{n} [{UNITS[n]}]' for n in names)}",
+                value=part,
+            )
+        try:
+            found[name] = decimal_of(text)
+        except ValueError:
+            found[name] = math.nan
+        if not 1e-9 <= found[name] <= 1e9:
+            raise OptionError(
+                f"limit {part[:60]!r}: expected a positive number in {UNITS[name]}", value=part
+            )
+    return found
+
+
+def slew_limited(voltage: Array, step: float) -> Array:
+    """Voltage whose change per sample is at most `step`, from zero and back to zero.
+
+    It lies between zero and `voltage`.
+    """
+    limited = voltage.copy()
+    limited[0] = limited[-1] = 0.0
+    if not math.isfinite(step):
+        return limited
+    # A change of sign passes through zero.
+    limited[:-1][limited[:-1] * limited[1:] < 0.0] = 0.0
+    # The largest Lipschitz function below each sign's magnitude: min over k of u_k + step |n - k|.
+    slope = step * np.arange(limited.size)
+    parts = []
+    for magnitude in (np.maximum(limited, 0.0), np.maximum(-limited, 0.0)):
+        forward = np.minimum.accumulate(magnitude - slope) + slope
+        backward = np.minimum.accumulate((magnitude + slope)[::-1])[::-1] - slope
+        parts.append(np.maximum(np.minimum(forward, backward), 0.0))
+    return np.asarray(parts[0] - parts[1])
+
+
+def peaks(
+    predictors: Sequence[Predictor],
+    draws: Sequence[Array],
+    voltage: Array,
+    temperatures: Sequence[float],
+) -> Mapping[str, float]:
+    """Largest current, speed and distance of the shaft in any draw of any model.
+
+    Args:
+        predictors: Simulation with each model.
+        draws: Physical values (n_parameter, n_draw) of each model.
+        voltage: (n_sample,) [V].
+        temperatures: Temperatures of the run that have to be considered [degC].
+    """
+    found = {"current": 0.0, "speed": 0.0, "position": 0.0}
+    for predictor, values in zip(predictors, draws, strict=True):
+        for temperature in temperatures:
+            states = predictor.states(voltage, temperature, values)
+            speed = states[:, 1, :]
+            angle = predictor.interval * np.cumsum(speed, axis=0)
+            for name, signal in (
+                ("current", states[:, 0, :]), ("speed", speed), ("position", angle)
+            ):  # fmt: skip
+                found[name] = max(found[name], float(np.max(np.abs(signal))))
+    return found
+
+
+def within(
+    predictors: Sequence[Predictor],
+    draws: Sequence[Array],
+    shape: Array,
+    temperature: float,
+    limits: Limits,
+) -> Array | None:
+    """Voltage of a normalised profile, scaled until every draw of every model holds the limits.
+
+    Args:
+        predictors: Simulation with each model.
+        draws: Physical values (n_parameter, n_draw) of each model.
+        shape: (n_sample,) normalised voltage [-].
+        temperature: Temperature of the run [degC].
+        limits: The limits.
+
+    Returns:
+        (n_sample,) [V]; None if no amplitude is found.
+    """
+    amplitude, allowed = limits.voltage, asdict(limits)
+    for _ in range(_ROUNDS):
+        voltage = slew_limited(amplitude * shape, limits.slew * predictors[0].interval)
+        found = peaks(predictors, draws, voltage, [temperature])
+        excess = max(value / allowed[name] for name, value in found.items())
+        if excess <= 1.0:
+            return voltage
+        if not math.isfinite(excess):
+            return None
+        amplitude *= _MARGIN / excess
+    return None

@@ -1,0 +1,282 @@
+"""Search of the profile that separates models and narrows parameters best.
+
+    1  score a library of profiles at the first temperature
+    2  score the best ones at the other temperatures, at half amplitude and in pairs
+    3  exchange levels and lengths of the best one, one segment at a time (coordinate exchange)
+    4  scale the best one until every draw of every model holds the limits
+
+A profile is scaled to the limits before it is scored.  The number of candidates is counted, so the
+result does not depend on the speed of the machine.
+
+Source: Meyer and Nachtsheim, Technometrics 37 (1995), 60-69 (coordinate exchange).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.design.criteria import (
+    Separation,
+    information_bits,
+    narrowed,
+    separation,
+)
+from identification.design.limits import peaks, within
+from identification.design.models import time_constants
+from identification.design.profiles import Profile, library
+from identification.design.response import Predictor, Response
+from identification.design.task import Task
+from identification.errors import ComputationError
+
+__all__ = ["Candidate", "Designer", "Proposal", "propose"]
+
+Array = NDArray[np.float64]
+
+_SEARCH_DRAWS: Final = 8
+_CHECK_DRAWS: Final = 200
+_SEPARATED: Final = 40.0
+"""Negative logarithm of the bound of a wrong choice [bit] beyond which models count as separated;
+it leaves a margin for the linearisation."""
+_WORK: Final = 600_000
+"""Samples that the exchange simulates with each model."""
+_MOST_EXCHANGES, _FEWEST_EXCHANGES = 240, 40
+_MOST_SEGMENTS: Final = 60
+_LEVELS: Final = (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)
+_LENGTHS: Final = (0.4, 2.5)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A scored run.
+
+    Args:
+        profile: Normalised profile.
+        voltage: (n_sample,) [V].
+        temperature: Temperature [degC].
+        responses: Readings of each model.
+        score: Separation plus narrowing [bit].
+    """
+
+    profile: Profile
+    voltage: Array
+    temperature: float
+    responses: tuple[Response, ...]
+    score: float
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The run that is proposed.
+
+    Args:
+        task: What it was designed for.
+        best: The run.
+        peaks: Largest current [A], speed [rad/s] and distance of the shaft [rad] in any draw.
+        separation: Expected separation; None if there are no alternatives.
+        bits: Expected information about the parameters of each model [bit].
+        covariance: Covariance of the final model's parameters after the run.
+        by_temperature: Best score found at each temperature [bit].
+    """
+
+    task: Task
+    best: Candidate
+    peaks: dict[str, float]
+    separation: Separation | None
+    bits: tuple[float, ...]
+    covariance: Array
+    by_temperature: dict[float, float]
+
+
+@dataclass(frozen=True)
+class Designer:
+    """Scores of candidate runs for one task.
+
+    Args:
+        task: The task.
+    """
+
+    task: Task
+
+    @cached_property
+    def predictors(self) -> tuple[Predictor, ...]:
+        """Simulation with each model."""
+        task = self.task
+        period = max(2, round(task.rows / 10))
+        square = np.where(np.arange(task.rows) // period % 2 == 0, 1.0, -1.0)
+        return tuple(
+            Predictor.prepared(
+                model, task.limits.voltage * square, task.interval, task.noise,
+                task.earlier, task.hottest,
+            )
+            for model in task.models
+        )  # fmt: skip
+
+    def draws(self, count: int) -> list[Array]:
+        """Draws of the parameters of each model, (n_parameter, count)."""
+        return [model.draws(count, self.task.seed + k) for k, model in enumerate(self.task.models)]
+
+    @cached_property
+    def _few(self) -> list[Array]:
+        return self.draws(_SEARCH_DRAWS)
+
+    def candidate(self, profile: Profile, temperature: float) -> Candidate | None:
+        """The profile within the limits with its score; None if no amplitude holds them."""
+        shape = profile.sampled(self.task.rows)
+        limits = self.task.limits
+        voltage = within(self.predictors, self._few, shape, temperature, limits)
+        return None if voltage is None else self.scored(profile, voltage, temperature)
+
+    def scored(self, profile: Profile, voltage: Array, temperature: float) -> Candidate | None:
+        """A run with its score; None if a model diverges.
+
+        Args:
+            profile: Its profile.
+            voltage: (n_sample,) [V].
+            temperature: Its temperature [degC].
+        """
+        responses = tuple(p.response(voltage, temperature) for p in self.predictors)
+        if not all(
+            np.isfinite(one.mean).all() and np.isfinite(one.sensitivity).all() for one in responses
+        ):
+            return None
+        score = self._narrowing(responses)
+        if self.task.are_rivals:
+            score += min(self.separated(responses).closeness, _SEPARATED)
+        return Candidate(profile, voltage, temperature, responses, score)
+
+    def separated(self, responses: tuple[Response, ...]) -> Separation:
+        """Expected separation of the models by a run."""
+        return separation(responses, [model.probability for model in self.task.models])
+
+    def _narrowing(self, responses: tuple[Response, ...]) -> float:
+        """Logarithm of the narrowing of the quantity, or of the parameters on average [bit]."""
+        models, quantity = self.task.models, self.task.quantity
+        pairs = list(zip(models, responses, strict=True))
+        if self.task.are_rivals:
+            pairs = pairs[:1]
+        bits = []
+        for model, response in pairs:
+            if quantity is None:
+                size = len(model.names)
+                bits.append(information_bits(model.covariance, response.information) / size)
+            else:
+                after = narrowed(model.covariance, response.information)
+                widths = quantity.width(model.covariance), quantity.width(after)
+                bits.append(math.log2(widths[0] / widths[1]) if widths[1] > 0.0 else 0.0)
+        return float(np.mean(bits))
+
+
+def propose(task: Task) -> Proposal:
+    """Design the next run.
+
+    Args:
+        task: Models, limits and grid of the run.
+
+    Raises:
+        ComputationError: No candidate can be simulated within the limits.
+    """
+    designer = Designer(task)
+    rng = np.random.default_rng(task.seed)
+    fast, slow = time_constants(task.models)
+    profiles = library(task.duration, max(fast, 3.0 * task.interval), slow, rng)
+    found = _ranked(designer.candidate(one, task.temperatures[0]) for one in profiles)
+    found = _ranked([*found, *_varied(designer, found)])
+    if not found:
+        raise ComputationError(
+            "no candidate run can be simulated within the limits; raise a limit of current, speed "
+            "or position"
+        )
+    best = _exchanged(designer, found[0], rng)
+    by_temperature = {
+        temperature: max((c.score for c in found if c.temperature == temperature), default=-np.inf)
+        for temperature in task.temperatures
+    }
+    by_temperature[best.temperature] = max(best.score, by_temperature[best.temperature])
+    return _proposal(designer, best, by_temperature)
+
+
+def _proposal(designer: Designer, best: Candidate, by_temperature: dict[float, float]) -> Proposal:
+    task = designer.task
+    many = designer.draws(_CHECK_DRAWS)
+    predictors, limits = designer.predictors, task.limits
+    shape = best.voltage / limits.voltage
+    voltage = within(predictors, many, shape, best.temperature, limits)
+    final = None if voltage is None else designer.scored(best.profile, voltage, best.temperature)
+    if final is None:
+        raise ComputationError(
+            "the designed run does not hold the limits in every draw of the parameters; raise a "
+            "limit, or identify the motor better first"
+        )
+    model, information = task.models[0], final.responses[0].information
+    return Proposal(
+        task=task,
+        best=final,
+        peaks=dict(peaks(predictors, many, final.voltage, [final.temperature])),
+        separation=designer.separated(final.responses) if task.are_rivals else None,
+        bits=tuple(
+            information_bits(one.covariance, response.information)
+            for one, response in zip(task.models, final.responses, strict=True)
+        ),
+        covariance=narrowed(model.covariance, information),
+        by_temperature=by_temperature,
+    )
+
+
+def _ranked(candidates: Iterable[Candidate | None]) -> list[Candidate]:
+    found = [one for one in candidates if one is not None and math.isfinite(one.score)]
+    return sorted(found, key=lambda one: -one.score)
+
+
+def _varied(designer: Designer, found: list[Candidate]) -> list[Candidate | None]:
+    """The best candidates at other temperatures, at other amplitudes and in pairs."""
+    made: list[Candidate | None] = []
+    for one in found[:5]:
+        for temperature in designer.task.temperatures[1:]:
+            made.append(designer.candidate(one.profile, temperature))
+    best = _ranked([*found, *made])
+    temperature = best[0].temperature if best else designer.task.temperatures[0]
+    for one in best[:3]:
+        made += [designer.candidate(one.profile.scaled(f), temperature) for f in (0.5, 0.25)]
+    profiles = list({one.profile.label: one.profile for one in best}.values())[:5]
+    for first, second in combinations(profiles, 2):
+        made.append(designer.candidate(first.followed_by(second), temperature))
+    return made
+
+
+def _exchanged(designer: Designer, best: Candidate, rng: np.random.Generator) -> Candidate:
+    """Improve a candidate by the exchange of levels and lengths, one segment at a time."""
+    if best.profile.lengths.size > _MOST_SEGMENTS:
+        return best
+    left = int(np.clip(_WORK // designer.task.rows, _FEWEST_EXCHANGES, _MOST_EXCHANGES))
+    for k in rng.permutation(best.profile.lengths.size):
+        for changed in _neighbours(best.profile, int(k)):
+            if left == 0:
+                return best
+            left -= 1
+            one = designer.candidate(changed, best.temperature)
+            if one is not None and one.score > best.score:
+                best = one
+    return best
+
+
+def _neighbours(profile: Profile, k: int) -> Iterable[Profile]:
+    """Profiles that differ in segment `k`: its level, or its length."""
+    label = profile.label if profile.label.endswith("refined") else f"{profile.label}, refined"
+    slope = profile.ends[k] - profile.starts[k]
+    for level in _LEVELS:
+        starts, ends = profile.starts.copy(), profile.ends.copy()
+        starts[k], ends[k] = level, np.clip(level + slope, -1.0, 1.0)
+        if starts[k] != profile.starts[k]:
+            yield replace(profile, label=label, starts=starts, ends=ends)
+    for factor in _LENGTHS:
+        lengths = profile.lengths.copy()
+        lengths[k] *= factor
+        yield replace(profile, label=label, lengths=lengths)

@@ -1,0 +1,229 @@
+"""Task of a design: models, quantity, limits and grid of the run, from a result or a nameplate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.design.limits import UNITS, Limits, limits_of
+from identification.design.models import (
+    DesignModel,
+    models_of,
+    nameplate_models,
+    time_constants,
+)
+from identification.design.quantity import Quantity, quantity_of
+from identification.errors import InputError, OptionError
+from identification.feedback.spread import checked_temperatures
+from identification.nameplate import nameplate_of
+
+__all__ = ["DesignOptions", "Task", "task_of_nameplate", "task_of_result"]
+
+Array = NDArray[np.float64]
+
+_MOST_MODELS: Final = 6
+_FEWEST_ROWS: Final = 100
+_MOST_ROWS: Final = 50_000
+_USUAL_ROWS: Final = 3000
+"""Samples of a run if neither rate nor duration is given, at most."""
+_SAME_TEMPERATURE: Final = 3.0
+_NOISE: Final = 0.005
+"""Noise of current and speed over stall current and no-load speed, without any run [-]."""
+_OVERSPEED: Final = 1.1
+
+
+@dataclass(frozen=True)
+class DesignOptions:
+    """Options of a design.
+
+    Args:
+        limits: Limits, ``NAME=VALUE,...``; those left open are the largest values of the earlier
+            runs, or those of the nameplate.
+        duration: Duration [s]; None for that of the earlier runs.
+        rate: Sample rate [Hz]; None for that of the earlier runs.
+        temperatures: Temperatures that the bench can hold [degC]; empty for those of the earlier
+            runs.
+        narrow: Quantity to narrow; empty for all parameters of the final model.
+        seed: Seed of the random candidates and of the draws.
+    """
+
+    limits: tuple[str, ...] = ()
+    duration: float | None = None
+    rate: float | None = None
+    temperatures: tuple[float, ...] = ()
+    narrow: str = ""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, value, unit in (("duration", self.duration, "s"), ("rate", self.rate, "Hz")):
+            if value is not None and not 0.0 < value < math.inf:
+                raise OptionError(
+                    f"{name} is {value:g} {unit}; expected a positive number in {unit}",
+                    value=value,
+                )
+        if not 0 <= self.seed < 2**32:
+            raise OptionError(
+                f"seed is {self.seed}; expected a whole number from 0 to 4294967295",
+                value=self.seed,
+            )
+        limits_of(self.limits)
+        if self.temperatures:
+            checked_temperatures(self.temperatures)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a run is designed for.
+
+    Args:
+        models: Final model and its alternatives, or the same motor with several guesses.
+        are_rivals: Whether the models exclude each other, so that the run has to separate them.
+        quantity: Quantity to narrow; None for all parameters.
+        limits: Limits of the run.
+        rows: Number of samples.
+        interval: Sample interval [s].
+        temperatures: Temperatures to choose from [degC].
+        noise: (2,) standard deviations of current and speed [A, rad/s].
+        seed: Seed of candidates and draws.
+        earlier: Number of runs recorded before.
+        hottest: Highest temperature of these runs [degC].
+    """
+
+    models: tuple[DesignModel, ...]
+    are_rivals: bool
+    quantity: Quantity | None
+    limits: Limits
+    rows: int
+    interval: float
+    temperatures: tuple[float, ...]
+    noise: Array
+    seed: int = 0
+    earlier: int = 0
+    hottest: float = -np.inf
+
+    @property
+    def duration(self) -> float:
+        """Duration of the run [s]."""
+        return self.rows * self.interval
+
+
+def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
+    """Task from a result: separate the alternatives of its effects and narrow its parameters.
+
+    Args:
+        result: Content of a result.json.
+        options: Options of the user.
+
+    Raises:
+        InputError: The result lacks its models, noise or runs.
+        OptionError: An option is not accepted.
+    """
+    models = models_of(result)
+    models = [models[0], *sorted(models[1:], key=lambda one: -one.probability)][:_MOST_MODELS]
+    noise = [(result.get("noise") or {}).get(name) for name in ("current_A", "speed_rad_s")]
+    if not all(isinstance(value, int | float) and value > 0 for value in noise):
+        raise InputError("the result has no noise of current and speed; repeat the fit")
+    runs = result["runs"]
+    ranges = [run.get("ranges") or {} for run in runs]
+    known = {
+        name: _largest(ranges, channel)
+        for name, channel in (
+            ("voltage", "voltage_V"), ("current", "current_A"), ("speed", "speed_rad_s")
+        )
+    }  # fmt: skip
+    rates = [run["sample_rate_hz"] for run in runs if run["sample_rate_hz"]]
+    spans = [run["rows"] / run["sample_rate_hz"] for run in runs if run["sample_rate_hz"]]
+    rows, interval = _grid(options, float(np.median(rates)), float(np.median(spans)))
+    controllers = (result.get("options") or {}).get("controllers") or ["P:1"]
+    peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
+    return Task(
+        models=tuple(models),
+        are_rivals=len(models) > 1,
+        quantity=quantity_of(options.narrow, models[0], controllers[0]) if options.narrow else None,
+        limits=_limits(options, known),
+        rows=rows,
+        interval=interval,
+        temperatures=tuple(options.temperatures) or _logged_temperatures(ranges),
+        noise=np.array(noise, dtype=np.float64),
+        seed=options.seed,
+        earlier=len(runs),
+        hottest=max(peaks, default=-np.inf),
+    )
+
+
+def task_of_nameplate(text: str, options: DesignOptions) -> Task:
+    """Task of the first run of a motor: narrow the parameters that a nameplate leaves open.
+
+    Args:
+        text: Nameplate, ``KEY=VALUE,...``; see `identification.nameplate`.
+        options: Options of the user.
+
+    Raises:
+        OptionError: The nameplate or an option is not accepted.
+    """
+    if not text.strip():
+        raise OptionError("the nameplate is empty; expected KEY=VALUE,...", value=text)
+    plate = nameplate_of(text)
+    if plate.voltage is None or plate.resistance is None or plate.constant is None:
+        raise OptionError(
+            f"nameplate {text[:120]!r}: a first run needs voltage, no_load_speed and "
+            "stall_current, or a rated point in place of the stall current",
+            value=text,
+        )
+    stall, speed = plate.voltage / plate.resistance, plate.voltage / plate.constant
+    models = nameplate_models(plate, stall)
+    slow = max(time_constants([one])[1] for one in models)
+    rows, interval = _grid(options, 1000.0, max(10.0 * slow, 2.0))
+    known = {"voltage": plate.voltage, "current": stall, "speed": _OVERSPEED * speed}
+    return Task(
+        models=tuple(models),
+        are_rivals=False,
+        quantity=quantity_of(options.narrow, models[1], "P:1") if options.narrow else None,
+        limits=_limits(options, known),
+        rows=rows,
+        interval=interval,
+        temperatures=tuple(options.temperatures) or (25.0,),
+        noise=_NOISE * np.array([stall, speed]),
+        seed=options.seed,
+    )
+
+
+def _largest(ranges: Sequence[Mapping[str, Sequence[float]]], channel: str) -> float | None:
+    found = [max(abs(low), abs(high)) for one in ranges for low, high in [one.get(channel, (0, 0))]]
+    return max(found, default=0.0) or None
+
+
+def _limits(options: DesignOptions, known: Mapping[str, float | None]) -> Limits:
+    """Given limits, completed by those known of the motor."""
+    found = {name: value for name, value in known.items() if value} | limits_of(options.limits)
+    if "voltage" not in found:
+        raise OptionError(
+            f"no voltage limit is known; give one, such as --limit voltage=24 [{UNITS['voltage']}]"
+        )
+    return Limits(**found)
+
+
+def _grid(options: DesignOptions, rate: float, duration: float) -> tuple[int, float]:
+    """Number of samples and sample interval [s]."""
+    rate = options.rate or rate
+    rows = round(rate * (options.duration or min(duration, _USUAL_ROWS / rate)))
+    if not _FEWEST_ROWS <= rows <= _MOST_ROWS:
+        raise OptionError(
+            f"duration times rate gives {rows} samples; expected {_FEWEST_ROWS} to {_MOST_ROWS}",
+            value=rows,
+        )
+    return rows, 1.0 / rate
+
+
+def _logged_temperatures(ranges: Sequence[Mapping[str, Sequence[float]]]) -> tuple[float, ...]:
+    """Lowest and highest temperature of the earlier runs, one if they are close."""
+    logged = [value for one in ranges for value in one.get("temperature_degC", ())]
+    if not logged:
+        return (25.0,)
+    low, high = (float(round(value)) for value in (min(logged), max(logged)))
+    return (low, high) if high - low > _SAME_TEMPERATURE else (low,)
