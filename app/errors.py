@@ -10,7 +10,7 @@
     │   ├── BodyTooLarge       body larger than the limit
     │   ├── BodyTooSlow        body stalled, or incomplete at its deadline
     │   ├── WrongMediaType     body of a media type that the call does not take
-    │   ├── NotAcceptable      format that this installation cannot write
+    │   ├── NotAcceptable      no representation that the Accept header allows
     │   ├── RangeOutside       requested byte range outside the file
     │   ├── FieldRefused       value of a field not accepted
     │   ├── KeyReused          Idempotency-Key repeated with a different request
@@ -123,7 +123,7 @@ class WrongMediaType(RequestRefused, code="media_type"):
 
 
 class NotAcceptable(RequestRefused, code="not_acceptable"):
-    """Format that this installation cannot write."""
+    """No representation that the Accept header allows."""
 
 
 class RangeOutside(RequestRefused, code="range"):

@@ -58,7 +58,11 @@ __all__ = [
 _ROLES = ("training", "validation")
 _MOMENT_S = 0.1
 _PAGE = 100
-_TABLES = (".csv", ".json", ".parquet")
+_TABLES = {
+    ".csv": "text/csv",
+    ".json": "application/json",
+    ".parquet": "application/vnd.apache.parquet",
+}
 
 
 class Client:
@@ -277,7 +281,7 @@ class Client:
                 f"{target.name!r} has no suffix of a table format; expected a name that ends with "
                 f"{', '.join(_TABLES)}"
             )
-        return self._fetched(f"/batches/{_id(batch)}/results{target.suffix}", target)
+        return self._fetched(f"/batches/{_id(batch)}/results", target, _TABLES[target.suffix])
 
     def fetch_fleet(self, batch: Batch | str, path: str | os.PathLike[str]) -> Path:
         """Write the fleet page of a batch; return the path."""
@@ -360,9 +364,9 @@ class Client:
         except NotFound:
             return
 
-    def _fetched(self, path: str, target: Path) -> Path:
+    def _fetched(self, path: str, target: Path, kind: str = "*/*") -> Path:
         with replacing(target) as file:
-            self._transport.copy(path, file)
+            self._transport.copy(path, {"Accept": kind}, file)
         return target
 
 

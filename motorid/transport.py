@@ -82,7 +82,7 @@ class Transport:
 
         return self._answered(send, self._patience_s if repeat else 0.0)
 
-    def copy(self, path: str, file: IO[bytes]) -> None:
+    def copy(self, path: str, headers: dict[str, str], file: IO[bytes]) -> None:
         """Write the body of a response to a file, block by block.
 
         Raises:
@@ -93,7 +93,7 @@ class Transport:
         def send() -> httpx.Response:
             file.seek(0)
             file.truncate()
-            with self._http.stream("GET", path) as answer:
+            with self._http.stream("GET", path, headers=headers) as answer:
                 if answer.is_success:
                     file.writelines(answer.iter_bytes())
                 else:

@@ -7,7 +7,10 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Header, Query, Response
 from fastapi.responses import HTMLResponse
 
+from app.access.service import Caller
 from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults
+from app.composition import Services
+from app.errors import NotAcceptable
 from app.http.dependencies import After, CallerDep, JsonBody, ServicesDep
 from app.http.headers import FLEET_POLICY
 from app.http.problems import responses
@@ -18,7 +21,13 @@ router = APIRouter(prefix="/batches", tags=["batches"])
 
 Form = Literal["json", "csv", "parquet"]
 
-_MEDIA_TYPE = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
+_TYPES: dict[str, Form] = {
+    "application/json": "json",
+    "text/csv": "csv",
+    "application/vnd.apache.parquet": "parquet",
+}
+_RANGES: dict[str, Form] = {"*/*": "json", "application/*": "json", "text/*": "csv"}
+_MEDIA_TYPE: dict[Form, str] = {form: kind for kind, form in _TYPES.items()}
 _TABLE: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "One row for each motor.",
@@ -93,11 +102,20 @@ def delete_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> Bat
 @router.get(
     "/{batch_id}/results",
     summary="Fetch the results of a batch",
-    responses=responses(404),
+    response_model=BatchResults,
+    responses=_TABLE | responses(404, 406),
 )
-def fetch_results(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchResults:
-    """Fetch the table of parameters, intervals, effects and drift as JSON."""
-    return BatchResults.of(*services.batches.rows(caller, batch_id))
+def fetch_results(
+    batch_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    accept: Annotated[
+        str | None,
+        Header(description="application/json, text/csv or application/vnd.apache.parquet."),
+    ] = None,
+) -> BatchResults | Response:
+    """Fetch the table of parameters, intervals, effects and drift as JSON, CSV or Parquet."""
+    return _results(services, caller, batch_id, _wanted(accept))
 
 
 @router.get(
@@ -110,13 +128,7 @@ def fetch_results_as(
     batch_id: str, form: Form, services: ServicesDep, caller: CallerDep
 ) -> BatchResults | Response:
     """Fetch the same table in the format given by the suffix of the URL."""
-    if form == "json":
-        return fetch_results(batch_id, services, caller)
-    return Response(
-        services.batches.table(caller, batch_id, form),
-        media_type=_MEDIA_TYPE[form],
-        headers={"Content-Disposition": f'attachment; filename="results.{form}"'},
-    )
+    return _results(services, caller, batch_id, form)
 
 
 @router.get(
@@ -132,3 +144,38 @@ def fetch_fleet(batch_id: str, services: ServicesDep, caller: CallerDep) -> HTML
     """Fetch one page of all motors: parameter values in order, outliers and drift."""
     page = services.batches.report(caller, batch_id)
     return HTMLResponse(page, headers={"Content-Security-Policy": FLEET_POLICY})
+
+
+def _results(
+    services: Services, caller: Caller, batch_id: str, form: Form
+) -> BatchResults | Response:
+    if form == "json":
+        return BatchResults.of(*services.batches.rows(caller, batch_id))
+    return Response(
+        services.batches.table(caller, batch_id, form),
+        media_type=f"{_MEDIA_TYPE[form]}{'; charset=utf-8' if form == 'csv' else ''}",
+        headers={"Content-Disposition": f'attachment; filename="results.{form}"'},
+    )
+
+
+def _wanted(accept: str | None) -> Form:
+    """Format that an Accept header prefers; JSON without a header."""
+    best, wanted = 0.0, None
+    for part in (accept or "*/*").split(","):
+        kind, *words = (word.strip().lower() for word in part.split(";"))
+        weight = next((_weight(word[2:]) for word in words if word.startswith("q=")), 1.0)
+        form = _TYPES.get(kind) or _RANGES.get(kind)
+        if form is not None and weight > best:
+            best, wanted = weight, form
+    if wanted is None:
+        raise NotAcceptable(
+            f"the table is not available as {(accept or '')[:100]!r}; expected {', '.join(_TYPES)}"
+        )
+    return wanted
+
+
+def _weight(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return 0.0

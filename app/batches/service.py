@@ -198,8 +198,8 @@ class BatchService:
             return parquet_bytes(rows)
         except MissingParquet as error:
             raise NotAcceptable(
-                "Parquet is not available, because pyarrow is not installed; request "
-                "results.csv or results.json"
+                "Parquet is not available, because pyarrow is not installed; request text/csv or "
+                "application/json"
             ) from error
 
     def report(self, caller: Caller, batch_id: str) -> str:

@@ -102,22 +102,50 @@ def test_previous_fits_come_from_the_same_workspace(bob: Caller, batch: str, ali
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_results_are_the_same_in_each_format(alice: Caller, batch: str, form: str) -> None:
-    """The suffix of the URL selects the format; the rows are those of the JSON results."""
-    answer = alice.http.get(f"/batches/{batch}/results.{form}")
+def test_results_are_the_same_by_accept_and_by_suffix(alice: Caller, batch: str, form: str) -> None:
+    """Accept header and URL suffix select the same format and the same rows."""
+    by_accept = alice.http.get(f"/batches/{batch}/results", headers={"Accept": FORMS[form]})
+    by_suffix = alice.http.get(f"/batches/{batch}/results.{form}")
     rows = rows_of(alice, batch)
 
-    assert answer.headers["content-type"].startswith(FORMS[form])
-    if form == "json":
-        assert answer.json() == {"id": batch, "status": "partial", "rows": rows}
-    elif form == "csv":
-        lines = list(csv.DictReader(io.StringIO(answer.text, newline="")))
-        assert [line["motor"] for line in lines] == [
-            "drift 0", "drift 1", "'=drift()", "drift 3"
-        ]  # fmt: skip
-        assert [line["Ra25"] for line in lines] == [str(r["Ra25"] or "") for r in rows]
-    else:
-        assert parquet.read_table(io.BytesIO(answer.content)).to_pylist() == rows
+    for answer in (by_accept, by_suffix):
+        assert answer.headers["content-type"].startswith(FORMS[form])
+        if form == "json":
+            assert answer.json() == {"id": batch, "status": "partial", "rows": rows}
+        elif form == "csv":
+            lines = list(csv.DictReader(io.StringIO(answer.text, newline="")))
+            assert [line["motor"] for line in lines] == [
+                "drift 0", "drift 1", "'=drift()", "drift 3"
+            ]  # fmt: skip
+            assert [line["Ra25"] for line in lines] == [str(r["Ra25"] or "") for r in rows]
+        else:
+            assert parquet.read_table(io.BytesIO(answer.content)).to_pylist() == rows
+
+
+@pytest.mark.parametrize(
+    ("accept", "kind"),
+    [
+        ("text/csv;q=0.5, application/vnd.apache.parquet;q=0.9", FORMS["parquet"]),
+        ("text/html, */*;q=0.8", FORMS["json"]),
+        ("text/*", FORMS["csv"]),
+        ("TEXT/CSV", FORMS["csv"]),
+        ("image/png", "application/problem+json"),
+        ("text/csv;q=0", "application/problem+json"),
+        ("", "application/problem+json"),
+        (";;q=x,,", "application/problem+json"),
+    ],
+)
+def test_format_follows_the_weights_of_the_accept_header(
+    alice: Caller, batch: str, accept: str, kind: str
+) -> None:
+    """RFC 9110, 12.5.1: the highest weight is chosen; 406 if no format is acceptable."""
+    answer = alice.http.get(f"/batches/{batch}/results", headers={"Accept": accept})
+
+    if accept == "":
+        # An empty header accepts every format.
+        kind = FORMS["json"]
+    assert answer.headers["content-type"].startswith(kind)
+    assert answer.status_code == (406 if "problem" in kind else 200)
 
 
 def test_unknown_format_suffix_is_refused(alice: Caller, batch: str) -> None:
