@@ -150,6 +150,10 @@ benches: $(READY) ## measure accuracy on realistic test bench recordings; ARGS="
 faults: $(READY) ## measure detection and false alarm rates of faulty runs (some minutes)
 	$(BIN)/python -m benchmarks.faults
 
+.PHONY: fleet-benchmark
+fleet-benchmark: $(READY) ## measure false alarms and causes of drift, and coverage of pooling (some minutes)
+	$(BIN)/python -m benchmarks.fleet $(ARGS)
+
 .PHONY: report-page
 report-page: $(READY) ## measure first paint, zoom and size of a report with long runs (needs chromium; some minutes)
 	$(BIN)/python -m benchmarks.report_page --out docs/benchmarks/report-page.md $(ARGS)

@@ -7,6 +7,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from identification.fleet.explanation import Explanation
     from identification.fleet.refit import Refit
 
 __all__ = ["history_view"]
@@ -20,6 +21,7 @@ def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> di
         requested_at: Time of the request of each fit by its ID, UTC, ISO 8601.
     """
     from identification.fleet.drift import drifts
+    from identification.fleet.explanation import explanations
     from identification.fleet.history import history_figure
     from identification.fleet.refit import compared_with
     from identification.quantities import DECLARED_PARAMETERS
@@ -31,6 +33,7 @@ def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> di
         for refit, before in zip(oldest_first, [None, *oldest_first], strict=False)
     ]
     changes = drifts(compared)
+    causes = explanations(compared)
     labels = _dates([datetime.fromisoformat(requested_at[refit.fit]) for refit in compared])
     drawn = [
         figure(f"history of {name}", history_figure, name, compared, changes, labels)
@@ -43,10 +46,24 @@ def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> di
             if svg
         ],
         "rows": {
-            refit.fit: _row(refit, [n for n, drift in moved.items() if drift.is_significant])
-            for refit, moved in zip(compared, changes, strict=True)
+            refit.fit: {
+                **_row(refit, [n for n, drift in moved.items() if drift.is_significant]),
+                "causes": _causes(explanation),
+            }
+            for refit, moved, explanation in zip(compared, changes, causes, strict=True)
         },
     }
+
+
+def _causes(explanation: Explanation | None) -> str:
+    """Probable causes of the change since the fit before, such as ``97 % demagnetization``."""
+    from identification.result.numbers import percent_text
+
+    likely = explanation.likely if explanation else {}
+    return ", ".join(
+        f"{percent_text(probability, 2)} {name.replace('_', ' ')}"
+        for name, probability in likely.items()
+    )
 
 
 def _dates(moments: Sequence[datetime]) -> list[str]:

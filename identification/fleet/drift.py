@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from identification.fleet.refit import Estimate, Refit
 from identification.quantities import DECLARED_PARAMETERS
 
-__all__ = ["FALSE_DISCOVERY_RATE", "Drift", "drift_of", "drifts"]
+__all__ = ["FALSE_DISCOVERY_RATE", "Drift", "adjusted", "drift_of", "drifts"]
 
 FALSE_DISCOVERY_RATE = 0.05
 """Expected fraction of false positives among the significant differences [-]."""
@@ -92,15 +92,21 @@ def drifts(refits: Sequence[Refit]) -> list[dict[str, Drift]]:
         for name, drift in changes.items()
         if drift.probability is not None
     ]
-    if cells:
-        # Lazy import: loading scipy.stats takes longer than building the table.
-        from scipy.stats import false_discovery_control
-
-        corrected = false_discovery_control([p for _, _, p in cells], method="by")
-        for (row, name, _), probability in zip(cells, corrected.tolist(), strict=True):
-            found[row][name] = replace(
-                found[row][name],
-                probability=probability,
-                is_significant=probability <= FALSE_DISCOVERY_RATE,
-            )
+    corrected = adjusted([p for _, _, p in cells])
+    for (row, name, _), probability in zip(cells, corrected, strict=True):
+        found[row][name] = replace(
+            found[row][name],
+            probability=probability,
+            is_significant=probability <= FALSE_DISCOVERY_RATE,
+        )
     return found
+
+
+def adjusted(p_values: Sequence[float]) -> list[float]:
+    """p-values adjusted together by the procedure of Benjamini and Yekutieli."""
+    if not p_values:
+        return []
+    # Lazy import: loading scipy.stats takes longer than building the table.
+    from scipy.stats import false_discovery_control
+
+    return [float(p) for p in false_discovery_control(p_values, method="by")]

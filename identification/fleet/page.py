@@ -17,7 +17,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from identification.fleet.causes import CAUSES
 from identification.fleet.drift import FALSE_DISCOVERY_RATE, Drift, drifts
+from identification.fleet.explanation import REPEATABILITY, Explanation, explanations
 from identification.fleet.figure import fleet_figure, marks_of
 from identification.fleet.outliers import LEAST_MOTORS, THRESHOLD, Spread, spread_of
 from identification.fleet.pooling import LEAST_POOLED, Pool, Quantiles, pools_of
@@ -32,7 +34,7 @@ from identification.result.numbers import (
     unit_text,
 )
 
-__all__ = ["content_security_policy", "render_fleet"]
+__all__ = ["content_security_policy", "explained_view", "render_fleet"]
 
 _MOST_LISTED = 60
 
@@ -76,6 +78,10 @@ def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
         more_outliers=len(outliers) - len(outliers[:_MOST_LISTED]),
         moved=moved[:_MOST_LISTED],
         more_moved=len(moved) - len(moved[:_MOST_LISTED]),
+        explained=_explained(refits, explanations(refits)),
+        causes=CAUSES,
+        most_listed=_MOST_LISTED,
+        repeatability=percent_text(REPEATABILITY, 1),
         parameters=[
             _parameter(name, refits, spreads[name], changes, _pooled(name, pools))
             for name in spreads
@@ -175,6 +181,44 @@ def _moved(refits: Sequence[Refit], changes: Sequence[dict[str, Drift]]) -> list
         if drift.is_significant and refit.previous is not None
     ]
     return sorted(found, key=lambda one: -abs(one.size))
+
+
+def _explained(
+    refits: Sequence[Refit], found: Sequence[Explanation | None]
+) -> list[dict[str, Any]]:
+    """Motors with a significant change and its probable causes, the surest first."""
+    rows = [
+        {
+            "refit": refit,
+            **explained_view(one),
+            "probability": max(one.causes.values()),
+        }
+        for refit, one in zip(refits, found, strict=True)
+        if one is not None and one.is_significant
+    ]
+    return sorted(rows, key=lambda row: -row["probability"])
+
+
+def explained_view(explanation: Explanation) -> dict[str, Any]:
+    """Words on a significant change: causes with probabilities, changes, and what to check."""
+    listed = {cause.name: cause for cause in CAUSES}
+    meanings = {"unlisted": "several causes, or one that is not listed", "none": "no change"}
+    top = next(iter(explanation.likely), "")
+    return {
+        "causes": [
+            {
+                "name": name.replace("_", " "),
+                "meaning": listed[name].meaning if name in listed else meanings[name],
+                "probability": "> 99 %" if probability > 0.99 else percent_text(probability, 2),
+            }
+            for name, probability in explanation.likely.items()
+        ],
+        "changes": [
+            f"{name} {signed_percent_text(change)}" for name, change in explanation.changes.items()
+        ],
+        "check": listed[top].check if top in listed else "",
+        "differing": ", ".join(explanation.differing).replace("_", " "),
+    }
 
 
 def _with_unit(value: float | None, name: str) -> str:

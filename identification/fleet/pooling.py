@@ -35,7 +35,6 @@ LEAST_POOLED = 3
 """Smallest number of motors of a type whose runs determine the quantity."""
 
 _RELATIVE_SCALE = 0.3
-_NORMAL_90 = 1.645
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,8 @@ def _pool(
     if len(usable) < LEAST_POOLED:
         return None
     is_relative = scale is None and all((one.q05 or 0.0) > 0.0 for one in usable.values())
-    pairs = [_pair(usable.get(number), is_relative) for number in own]
+    given = [usable.get(number) for number in own]
+    pairs = [None if one is None else one.logarithm if is_relative else one.usable for one in given]
     known = np.array([pair[0] for pair in pairs if pair])
     scores, _ = scores_of(pairs)
     is_outlier = [
@@ -147,17 +147,6 @@ def _pool(
             for n, quantiles in zip(pooled, found.groups, strict=True)
         },
     )
-
-
-def _pair(estimate: Estimate | None, is_logarithmic: bool) -> tuple[float, float] | None:
-    """Value and standard deviation, those of the logarithm from the 90 % interval."""
-    usable = estimate.usable if estimate else None
-    if estimate is None or usable is None or not is_logarithmic:
-        return usable
-    low, high = estimate.q05, estimate.q95
-    if low is None or high is None or not 0.0 < low < high:
-        return math.log(usable[0]), usable[1] / usable[0]
-    return math.log(usable[0]), math.log(high / low) / (2.0 * _NORMAL_90)
 
 
 def _quantiles(values: NDArray[np.float64], is_logarithmic: bool) -> Quantiles:

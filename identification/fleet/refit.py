@@ -6,6 +6,7 @@ refit.estimates["Ra25"].median
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,6 +16,7 @@ from identification.result.entries import known_only_from
 
 __all__ = ["Estimate", "Refit", "Size", "compared_with", "estimate_of", "refit_of"]
 
+_NORMAL_90 = 1.645
 _OF_SINGLE_RUNS = frozenset({"load_step", "inertia_change", "unlisted"})
 
 
@@ -42,6 +44,19 @@ class Estimate:
         if not self.is_identified or self.median is None or self.sd is None:
             return None
         return self.median, self.sd
+
+    @property
+    def logarithm(self) -> tuple[float, float] | None:
+        """Logarithm of the median and its standard deviation from the 90 % interval.
+
+        None if the data do not identify the parameter or the median is not positive.
+        """
+        usable = self.usable
+        if usable is None or usable[0] <= 0.0:
+            return None
+        if self.q05 is None or self.q95 is None or not 0.0 < self.q05 < self.q95:
+            return math.log(usable[0]), usable[1] / usable[0]
+        return math.log(usable[0]), math.log(self.q95 / self.q05) / (2.0 * _NORMAL_90)
 
 
 @dataclass(frozen=True)
@@ -82,6 +97,8 @@ class Refit:
         type: Type of the motor; motors without one are of one unnamed type.
         sizes: Sizes of the effects that are properties of the motor or of the bench and not of
             single runs, by name such as ``"brush_drop.voltage"``.
+        equations: Equation of each effect in the final model, by name.
+        correlation: Posterior correlation of two parameters or sizes; empty if unknown.
     """
 
     motor: str
@@ -98,6 +115,8 @@ class Refit:
     link: str = ""
     type: str = ""
     sizes: Mapping[str, Size] = field(default_factory=dict)
+    equations: Mapping[str, str] = field(default_factory=dict)
+    correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
 
 def refit_of(
@@ -148,7 +167,23 @@ def refit_of(
         link=link,
         type=motor_type,
         sizes=dict(map(_size, _lasting(result))),
+        equations={
+            str(effect["name"]): str(effect.get("equation", ""))
+            for effect in result.get("effects") or ()
+        },
+        correlation=_correlation(result.get("correlation") or {}),
     )
+
+
+def _correlation(entry: Mapping[str, Any]) -> dict[tuple[str, str], float]:
+    """Known correlations of a result by pair of names."""
+    names = entry.get("names") or ()
+    return {
+        (first, second): float(value)
+        for first, row in zip(names, entry.get("matrix") or (), strict=False)
+        for second, value in zip(names, row, strict=False)
+        if value is not None
+    }
 
 
 def _lasting(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -8,6 +8,7 @@ NAME_drift_relative         drift over the magnitude of the previous median
 NAME_drift_sds              drift over the combined standard deviation
 NAME_drift_probability      p-value of the drift, adjusted over the whole table
 NAME_drift_significant      whether the adjusted p-value is at most 0.05
+drift_cause                 most probable cause of the change of the motor
 NAME_pooled, NAME_pooled_q05, NAME_pooled_q95
                             median and 90 % interval with the other motors of the type, only for
                             the temperature coefficients
@@ -28,6 +29,7 @@ from typing import Any
 
 from identification.errors import InputError
 from identification.fleet.drift import Drift, drifts
+from identification.fleet.explanation import Explanation, explanations
 from identification.fleet.pooling import POOLED_PARAMETERS, Pool, pools_of
 from identification.fleet.refit import Estimate, Refit
 from identification.quantities import DECLARED_PARAMETERS
@@ -85,6 +87,12 @@ COLUMNS: dict[str, tuple[type, str]] = {
         for name in POOLED_PARAMETERS
         for ending in ("", "_q05", "_q95")
     },
+    "drift_probability": (float, ""),
+    "drift_significant": (bool, ""),
+    "drift_cause": (str, ""),
+    "drift_cause_probability": (float, ""),
+    "drift_causes": (str, ""),
+    "drift_compared": (str, ""),
     "effects": (str, ""),
     **dict.fromkeys(_RATIOS, (float, "")),
     "fit": (str, ""),
@@ -124,7 +132,12 @@ def rows_of(refits: Sequence[Refit]) -> list[Row]:
     Args:
         refits: All motors of the table, because p-values are adjusted over all of them.
     """
-    rows = [_row(refit, changes) for refit, changes in zip(refits, drifts(refits), strict=True)]
+    rows = [
+        _row(refit, changes, explanation)
+        for refit, changes, explanation in zip(
+            refits, drifts(refits), explanations(refits), strict=True
+        )
+    ]
     for pool in pools_of(refits):
         if pool.name in POOLED_PARAMETERS:
             for number, (low, median, high) in pool.motors.items():
@@ -182,13 +195,14 @@ def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
     return content.getvalue()
 
 
-def _row(refit: Refit, changes: Mapping[str, Drift]) -> Row:
+def _row(refit: Refit, changes: Mapping[str, Drift], explanation: Explanation | None) -> Row:
     before = refit.previous
     row: Row = {"motor": refit.motor, "type": refit.type or None, "status": refit.status}
     for name in DECLARED_PARAMETERS:
         row |= _parameter(name, refit.estimates.get(name), changes.get(name))
     pooled = [f"{name}_pooled{end}" for name in POOLED_PARAMETERS for end in ("", "_q05", "_q95")]
     row |= dict.fromkeys(pooled)
+    row |= _explained(explanation)
     return row | {
         "effects": " ".join(refit.effects),
         **{column: refit.noise_ratios.get(key) for column, key in _RATIOS.items()},
@@ -216,6 +230,20 @@ def _parameter(name: str, estimate: Estimate | None, drift: Drift | None) -> Row
         f"{name}_drift_sds": drift and drift.sds,
         f"{name}_drift_probability": drift and drift.probability,
         f"{name}_drift_significant": drift and drift.is_significant,
+    }
+
+
+def _explained(explanation: Explanation | None) -> Row:
+    if explanation is None:
+        explanation = Explanation((), None)
+    likely = explanation.likely
+    return {
+        "drift_probability": explanation.probability,
+        "drift_significant": explanation.is_significant,
+        "drift_cause": explanation.cause or None,
+        "drift_cause_probability": explanation.causes.get(explanation.cause) if likely else None,
+        "drift_causes": " ".join(f"{name}:{p:.2f}" for name, p in likely.items()) or None,
+        "drift_compared": " ".join(explanation.compared) or None,
     }
 
 
