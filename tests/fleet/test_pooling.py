@@ -7,11 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from identification import FitOptions, Run, identify
 from identification.fleet.page import render_fleet
 from identification.fleet.pooling import Pool, pools_of
 from identification.fleet.refit import Refit, Size, refit_of
 from identification.fleet.table import POOLED_COLUMNS, csv_text, pooled_rows, rows_of
 from tests.fleet.fleets import CENTRE, estimate, fleet
+from tests.motors import Motor, campaign, drive, motor_named, run_of
 
 EFFECT = "coulomb_friction"
 
@@ -156,3 +158,57 @@ def test_page_states_mean_and_spread_of_each_type() -> None:
     assert "<code>alpha_Ra</code>" in text
     assert 'class="stem pooled"' in render_fleet("Refit", refits)
     assert CENTRE["alpha_Ra"] == pytest.approx(pool_of(refits).mean[1], rel=0.05)
+
+
+def test_short_noisy_campaigns_inform_about_each_other_and_about_a_cold_motor() -> None:
+    """Real fits: six heated motors of a type with a known spread of 1 %, one run at 25 degC only.
+
+    Of six 90 % intervals at least four hold with a probability of 98 %.
+    """
+    rng = np.random.default_rng(2)
+    base = motor_named("servo 100 W")
+    coefficients = 3.9e-3 * (1.0 + 0.01 * rng.normal(size=7))
+    motors = [
+        dataclasses.replace(base, values=(base.values[0], alpha, *base.values[2:]))
+        for alpha in coefficients
+    ]
+    runs = [campaign(motor, seed=n, rows=370, noise=0.1) for n, motor in enumerate(motors[:6])]
+    runs.append([_cold(motors[6], rng)])
+
+    refits = [_fitted(some) for some in runs]
+    pool = pool_of(refits)
+
+    assert not refits[6].estimates["alpha_Ra"].is_identified
+    widths = np.array(
+        [(high - low) / _width(refits[n]) for n, (low, _, high) in pool.motors.items()]
+    )
+    inside = [low < coefficients[n] < high for n, (low, _, high) in pool.motors.items()]
+    assert pool.count == 6
+    assert sum(inside[:6]) >= 4
+    assert inside[6]
+    assert widths[:6].mean() < 0.9
+    assert widths[6] < 0.3
+
+
+def _cold(motor: Motor, rng: np.random.Generator) -> Run:
+    """A run at 25 degC with noise of one per cent."""
+    voltage = drive(motor, "steps", 370, rng)
+    run = run_of(motor, voltage, np.full(370, 25.0), np.zeros(2), "zoh", "cold.csv")
+    noise = 0.01 * rng.standard_normal((2, 370))
+    return dataclasses.replace(
+        run,
+        current=run.current + noise[0] * run.current.std(),
+        speed=run.speed + noise[1] * run.speed.std(),
+    )
+
+
+def _fitted(runs: list[Run]) -> Refit:
+    options = FitOptions(effects=False, posterior=False)
+    return refit_of("m", "fitted", identify(runs, (), options).result)
+
+
+def _width(refit: Refit) -> float:
+    own = refit.estimates["alpha_Ra"]
+    assert own.q05 is not None
+    assert own.q95 is not None
+    return own.q95 - own.q05
