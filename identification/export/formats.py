@@ -75,11 +75,12 @@ class ExportFormat:
 
     Args:
         write: Function that makes the file.
-        is_sampled: Whether the file holds samples of the parameters.
+        is_linear: Whether the file holds linear models at temperatures, with samples of the
+            parameters.
     """
 
     write: Writer
-    is_sampled: bool = False
+    is_linear: bool = False
 
 
 def export(
@@ -98,7 +99,8 @@ def export(
         temperatures: Temperatures of linear models; default: those of the feedback metrics [degC].
 
     Raises:
-        OptionError: The format or a temperature is not accepted.
+        OptionError: The format or a temperature is not accepted, or temperatures are given for a
+            format without linear models.
         InputError: A parameter or effect is missing or unknown.
     """
     if form not in FORMATS:
@@ -106,7 +108,14 @@ def export(
             f"export format {form!r} is not known; expected {', '.join(FORMATS)}", value=form
         )
     chosen = checked_temperatures(temperatures or _usual_temperatures(result))
-    samples, remark = draws() if FORMATS[form].is_sampled else ({}, "")
+    if temperatures and not FORMATS[form].is_linear:
+        linear = ", ".join(name for name, one in FORMATS.items() if one.is_linear)
+        raise OptionError(
+            f"temperatures are given, and the format {form} has no linear models; "
+            f"leave --temperature out, or choose {linear}",
+            value=list(temperatures),
+        )
+    samples, remark = draws() if FORMATS[form].is_linear else ({}, "")
     sampled = (remark,) if remark else ()
     made = FORMATS[form].write(Request(result, samples, chosen, sampled))
     return Export(made.content, (*sampled, *made.remarks))
@@ -165,8 +174,8 @@ def _csv(request: Request) -> Export:
 
 
 FORMATS: Final[Mapping[str, ExportFormat]] = {
-    "python-control": ExportFormat(_python, is_sampled=True),
-    "matlab": ExportFormat(_matlab, is_sampled=True),
+    "python-control": ExportFormat(_python, is_linear=True),
+    "matlab": ExportFormat(_matlab, is_linear=True),
     "simulink-m": ExportFormat(_simulink),
     "modelica": ExportFormat(_modelica),
     "fmu": ExportFormat(lambda request: _fmu(request, 2)),

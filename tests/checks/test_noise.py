@@ -19,8 +19,7 @@ ROWS = 120
 
 def noise(like: np.ndarray, seed: int) -> np.ndarray:
     """White noise of a tenth of a signal's standard deviation."""
-    rng = np.random.default_rng(seed)
-    return np.asarray(0.1 * np.std(like) * rng.standard_normal(like.size))
+    return np.asarray(0.1 * np.std(like) * np.random.default_rng(seed).standard_normal(like.size))
 
 
 @pytest.mark.parametrize("channel", ["current", "speed"])

@@ -40,7 +40,12 @@ def test_what_the_file_does_not_hold_is_said_on_standard_error_and_in_the_file(
     ("words", "told"),
     [
         (["--to", "excel"], f"expected {', '.join(FORMATS)}"),
-        (["--to", "c", "--temperature", "900"], "temperature is 900 degC; expected -273.15 to 400"),
+        (["--to", "c", "--temperature", "40"], "the format c has no linear models"),
+        (["--to", "csv", "--temperature", "40"], "the format csv has no linear models"),
+        (
+            ["--to", "matlab", "--temperature", "900"],
+            "temperature is 900 degC; expected -273.15 to 400",
+        ),
         (["--to", "c", "--temperature", "warm"], "warm"),
         ([], "--to"),
     ],
