@@ -15,6 +15,7 @@ from anyio import to_thread
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from app.analyses.endpoints import designs
 from app.analyses.endpoints import router as analyses
 from app.batches.endpoints import router as batches
 from app.composition import Services
@@ -29,6 +30,7 @@ from app.http.middleware import HeadCheck, HostCheck, RequestLog, SizeCheck, Wel
 from app.http.problems import add_problem_handlers
 from app.http.rate import RateLimit
 from app.pages.choice import router as choice
+from app.pages.design import router as design_pages
 from app.pages.endpoints import router as pages
 from app.pages.errors import ErrorPages
 from app.pages.keys import router as keys
@@ -79,10 +81,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.include_router(
         runs, prefix=API_PREFIX, max_body_size=settings.max_upload_bytes + _FORM_BYTES
     )
-    for router in (fits, analyses, batches, health):
+    for router in (fits, analyses, designs, batches, health):
         application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
     application.include_router(health, include_in_schema=False)
-    for router in (pages, choice, keys):
+    for router in (pages, choice, design_pages, keys):
         application.include_router(router, max_body_size=settings.max_body_bytes)
     application.include_router(pending, max_body_size=settings.max_upload_bytes + _FORM_BYTES)
     application.mount(f"{STATIC_PREFIX}vendor/uplot", PageFiles(directory=PLOT_FILES))

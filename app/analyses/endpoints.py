@@ -7,14 +7,24 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from fastapi.responses import FileResponse
 
-from app.analyses.schemas import FeedbackIn, FeedbackOut, PredictionOut, TuningIn, TuningOut
+from app.analyses.schemas import (
+    DesignIn,
+    DesignOut,
+    FeedbackIn,
+    FeedbackOut,
+    PredictionOut,
+    TuningIn,
+    TuningOut,
+)
+from app.errors import FieldRefused
 from app.http.dependencies import CallerDep, JsonBody, ServicesDep
 from app.http.files import OpenFileResponse
 from app.http.problems import responses
 
-__all__ = ["router"]
+__all__ = ["designs", "router"]
 
 router = APIRouter(prefix="/fits", tags=["fits"])
+designs = APIRouter(prefix="/designs", tags=["designs"])
 
 _DRAWS = 2000
 _TUNING_DRAWS = 200
@@ -102,3 +112,20 @@ def predict_run(
     """Simulate a stored run from its inputs and compare it with the measured signals."""
     run, prediction = services.analyses.prediction(caller, fit_id, run_id, declared=declared)
     return PredictionOut.of(fit_id, run.id, declared, prediction)
+
+
+@designs.post(
+    "",
+    summary="Design a run",
+    dependencies=[JsonBody],
+    responses=responses(400, 403, 404, 413, 415, 422, 503),
+)
+def design_run(body: DesignIn, services: ServicesDep, caller: CallerDep) -> DesignOut:
+    """Design the voltage of the next run of a motor, or of the first run of a nameplate.
+
+    The run separates the alternatives of the fit and narrows its parameters within the limits, as
+    `motorid design` does.  It is not stored; equal requests give equal answers.
+    """
+    if (body.fit is None) == (body.nameplate is None):
+        raise FieldRefused("expected either fit or nameplate", field="fit")
+    return DesignOut.of(services.analyses.design(caller, body.fit, body.request()))

@@ -10,6 +10,7 @@ See `app.analyses.predictor` for the side of the process.
 from __future__ import annotations
 
 import dataclasses
+import io
 import signal
 import time
 from collections.abc import Mapping
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
+from app.analyses.design import Design, DesignRequest
 from app.errors import RunRefused, Unavailable
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer
@@ -100,6 +102,28 @@ class Predictor:
             return Prediction(**found["prediction"])
         raise self._refusal(run.file, found)
 
+    def design(self, request: DesignRequest, result: Mapping[str, Any] | None) -> Design:
+        """Design a run.
+
+        Args:
+            request: Options of the design.
+            result: Content of result.json; None for a motor with a nameplate only.
+
+        Raises:
+            RunRefused: The design exceeds the limits, or result or request do not allow it.
+            Unavailable: No run can be designed now.
+        """
+        task = {
+            "design": request.entry(),
+            "limits": dataclasses.asdict(self._limits),
+            "result": result,
+        }
+        table = io.BytesIO()
+        found = self._messages(task, table)
+        if "design" in found:
+            return Design(found["design"], table.getvalue().decode())
+        raise self._refusal("the next run", found, "design")
+
     def stop(self) -> None:
         """Stop the fork server."""
         self._fork_server.stop()
@@ -111,7 +135,7 @@ class Predictor:
             child = self._fork_server.fork(task)
         except OSError as error:
             raise Unavailable(
-                "runs cannot be predicted at the moment; try again in a few seconds"
+                "runs cannot be computed at the moment; try again in a few seconds"
             ) from error
         found: dict[str, Any] = {}
         try:
@@ -125,8 +149,10 @@ class Predictor:
             child.kill()
         return found
 
-    def _refusal(self, file: str, found: Mapping[str, Any]) -> RunRefused | Unavailable:
-        """Build the error for a process that ended without a prediction."""
+    def _refusal(
+        self, file: str, found: Mapping[str, Any], command: str = "predict"
+    ) -> RunRefused | Unavailable:
+        """Build the error for a process that ended without a prediction or a design."""
         detail, end = (found.get("error") or {}).get("detail"), found.get("exit")
         limit = None
         if detail == "memory" or end == -signal.SIGKILL:
@@ -134,8 +160,8 @@ class Predictor:
         elif end in (-signal.SIGXCPU, -signal.SIGALRM):
             limit = f"{self._limits.cpu_s} s"
         elif end is None and detail is None:
-            return Unavailable("the run could not be predicted; try again")
-        text = detail or f"{file}: the prediction crashed; expected a run of this motor"
+            return Unavailable("the run could not be computed; try again")
+        text = detail or f"{file}: the computation crashed; expected a run of this motor"
         if limit is not None:
-            text = f"{file}: the prediction needs more than {limit}; use `motorid predict`"
+            text = f"{file}: the computation needs more than {limit}; use `motorid {command}`"
         return RunRefused(text, reason="prediction", file=file)

@@ -1,11 +1,12 @@
-"""Prediction of one stored run, in a child process that limits its own resources.
+"""Prediction of one stored run, or design of a further one, in a child process with limits.
 
 A run file is untrusted, so the server itself never reads it.  See `app.analyses.prediction` for the
 server's side.  Messages, one JSON object per line:
 
     {"table": "0.0,0.1,2.0 ..."}          rows of the table, if requested, in several messages
     {"prediction": {...}}                 errors and the samples to plot; the last message
-    {"error": {"detail": "..."}}          the run or the result is not accepted
+    {"design": {...}}                     expected gain of a designed run; the last message
+    {"error": {"detail": "..."}}          the run, the result or the request is not accepted
 """
 
 from __future__ import annotations
@@ -16,8 +17,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from app.analyses.design import DesignRequest
 from app.fork_server.child import Answers, ProcessLimits, confine
-from identification.errors import InputError
+from identification.design import (
+    profile_csv,
+    proposal_entry,
+    propose,
+    task_of_nameplate,
+    task_of_result,
+)
+from identification.errors import IdentificationError, InputError
 from identification.ingest import Limits, Run, read_run
 from identification.prediction import predict
 from identification.report.columns import extremes
@@ -30,6 +39,7 @@ __all__ = ["handle"]
 Array = NDArray[np.float64]
 
 _ROWS = 5000
+_CHARACTERS = 100_000
 _BUCKETS = 350
 
 
@@ -38,11 +48,15 @@ def handle(task: dict[str, Any], answer: int) -> None:
 
     Args:
         task: `path`, `name`, `mapping`, `max_rows`, `limits` of the run; `result` as in
-            result.json; `declared` for the nominal model; `has_table` to send the table.
+            result.json; `declared` for the nominal model; `has_table` to send the table.  For a
+            design, `design` is the request, and there is no run.
         answer: Write end of the pipe to the server.
     """
     confine(ProcessLimits(**task["limits"]))
     answers = Answers(answer)
+    if "design" in task:
+        _design(DesignRequest.of(task["design"]), task["result"], answers)
+        return
     limits = Limits(rows=task["max_rows"])
     try:
         run = read_run(task["path"], name=task["name"], mapping=task["mapping"], limits=limits)
@@ -56,6 +70,26 @@ def handle(task: dict[str, Any], answer: int) -> None:
     if task["has_table"]:
         _send_table(prediction, answers)
     answers.send({"prediction": finite_or_null(_summary(run, prediction, task["result"]))})
+
+
+def _design(request: DesignRequest, result: dict[str, Any] | None, answers: Answers) -> None:
+    """Design a run and send its samples and its expected gain."""
+    try:
+        if result is None:
+            task = task_of_nameplate(request.nameplate, request.options)
+        else:
+            task = task_of_result(result, request.options)
+        proposal = propose(task)
+    except IdentificationError as error:
+        answers.send({"error": {"detail": str(error)}})
+        return
+    except MemoryError:
+        answers.send({"error": {"detail": "memory"}})
+        return
+    table = profile_csv(proposal)
+    for first in range(0, len(table), _CHARACTERS):
+        answers.send({"table": table[first : first + _CHARACTERS]})
+    answers.send({"design": proposal_entry(proposal)})
 
 
 def _send_table(prediction: pd.DataFrame, answers: Answers) -> None:

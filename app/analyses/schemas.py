@@ -7,11 +7,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, StringConstraints
 
+from app.analyses.design import Design, DesignRequest
 from app.analyses.prediction import Prediction
 from app.analyses.service import LoopAnalysis, TuningRequest
 from app.texts import Received, with_example
 
 __all__ = [
+    "DesignIn",
+    "DesignOut",
     "ErrorOut",
     "FeedbackIn",
     "FeedbackOut",
@@ -164,3 +167,62 @@ class PredictionOut(BaseModel):
             errors={name: ErrorOut(**found) for name, found in prediction.errors.items()},
             links={"self": f"{own}{query}", "table": f"{own}.csv{query}"},
         )
+
+
+class DesignIn(Received):
+    """Motor and options of a designed run."""
+
+    model_config = with_example({"fit": "fit_0123456789abcdef", "limits": {"current": 8.0}})
+
+    fit: Annotated[str, StringConstraints(max_length=60)] | None = Field(
+        default=None, description="ID of a succeeded fit."
+    )
+    nameplate: Annotated[str, StringConstraints(max_length=500)] | None = Field(
+        default=None, description="In place of a fit: nameplate, `KEY=VALUE,...`."
+    )
+    limits: dict[Annotated[str, StringConstraints(max_length=20)], float] = Field(
+        default={},
+        max_length=_MOST,
+        description="Largest `voltage` [V], `current` [A], `speed` [rad/s], `slew` [V/s] and "
+        "`position` [rad]; by default voltage, current and speed of the earlier runs.",
+    )
+    duration: float | None = Field(default=None, description="Duration [s].")
+    rate: float | None = Field(default=None, description="Sample rate [Hz].")
+    temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        default=[],
+        max_length=_MOST,
+        description="Temperatures that the bench can hold [degC]; the best one is proposed.",
+    )
+    narrow: Annotated[str, StringConstraints(max_length=100)] = Field(
+        default="",
+        description="Quantity to narrow, such as `Ra25` or `rise_time_s@125`.",
+    )
+    seed: int = Field(default=0, ge=0, lt=2**32, description="Seed.")
+
+    def request(self) -> DesignRequest:
+        """The request of the service."""
+        return DesignRequest(
+            nameplate=self.nameplate or "",
+            limits=",".join(f"{name}={value!r}" for name, value in self.limits.items()),
+            duration=self.duration,
+            rate=self.rate,
+            temperatures=tuple(self.temperatures),
+            narrow=self.narrow,
+            seed=self.seed,
+        )
+
+
+class DesignOut(BaseModel):
+    """Designed run and its expected gain."""
+
+    design: Mapping[str, Any] = Field(
+        description="Expected gain, as `motorid design` writes it to FILE.json."
+    )
+    table: str = Field(
+        description="Samples as CSV: `time_s,voltage_V,temperature_degC`, a row for each sample."
+    )
+
+    @classmethod
+    def of(cls, design: Design) -> DesignOut:
+        """Build the schema from a design."""
+        return cls(design=design.entry, table=design.table)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, cast
 
 from app.access.service import Caller
+from app.analyses.design import Design, DesignRequest
 from app.analyses.prediction import Prediction, Predictor
 from app.batches.results import refits_of
 from app.errors import FileLost, NotReady, Unavailable
@@ -242,6 +243,27 @@ class AnalysisService:
                 declared=declared,
                 table=table,
             )
+
+    def design(self, caller: Caller, fit_id: str | None, request: DesignRequest) -> Design:
+        """Design the next run of the motor of a fit, or the first run of a nameplate.
+
+        Args:
+            caller: Caller of the request.
+            fit_id: ID of a succeeded fit; None for the nameplate of the request.
+            request: Options of the design.
+
+        Raises:
+            NotFound: The caller's workspace has no such fit.
+            NotReady: The fit has not succeeded.
+            FileLost: The result is missing or damaged.
+            OptionError: An option is not accepted.
+            RunRefused: The result or the limits do not allow a design.
+            Unavailable: Too many analyses are computed at the moment.
+        """
+        _ = request.options  # Refuses here what the process would refuse later.
+        result = None if fit_id is None else self.succeeded(caller, fit_id).result or {}
+        with self._turn():
+            return self._predictor.design(request, result)
 
     def succeeded(self, caller: Caller, fit_id: str) -> StoredFit:
         """Succeeded fit with its result.

@@ -1,0 +1,121 @@
+"""Page of the next run: form of the design, expected gain and the profile as a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Self
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse
+
+from app.analyses.design import DesignRequest
+from app.errors import FieldRefused, RunRefused
+from app.fits.schemas import FitSummary
+from app.http.dependencies import CallerDep, ServicesDep
+from app.pages.rendering import page
+from app.pages.views import fit_view
+from identification.errors import InputError
+
+__all__ = ["router"]
+
+router = APIRouter(include_in_schema=False)
+
+_LONGEST: Final = 200
+_BETWEEN: Final = re.compile(r"[\s,;]+")
+
+
+@dataclass(frozen=True)
+class DesignForm:
+    """Fields of the form, as typed.
+
+    Args:
+        narrow: Quantity to narrow; empty for all parameters.
+        limits: Limits, ``NAME=VALUE,...``.
+        temperature: Temperatures [degC], separated by commas or blanks.
+        duration: Duration [s].
+        rate: Sample rate [Hz].
+    """
+
+    narrow: str = ""
+    limits: str = ""
+    temperature: str = ""
+    duration: str = ""
+    rate: str = ""
+
+    @classmethod
+    def of(cls, given: Mapping[str, str]) -> Self:
+        """Build the form from the query of an address."""
+        names = cls.__dataclass_fields__
+        return cls(**{k: given[k].strip()[:_LONGEST] for k in names if k in given})
+
+    @property
+    def request(self) -> DesignRequest:
+        """The request of the service.
+
+        Raises:
+            FieldRefused: A field is not a number.
+        """
+        words = [word for word in _BETWEEN.split(self.temperature) if word]
+        return DesignRequest(
+            limits=self.limits,
+            duration=_number("duration", self.duration) if self.duration else None,
+            rate=_number("rate", self.rate) if self.rate else None,
+            temperatures=tuple(_number("temperature", word) for word in words),
+            narrow=self.narrow,
+        )
+
+
+@router.get("/fits/{fit_id}/design")
+def design_page(
+    fit_id: str, request: Request, services: ServicesDep, caller: CallerDep
+) -> HTMLResponse:
+    """Form of the next run, and the expected gain once it was submitted."""
+    fit = services.analyses.succeeded(caller, fit_id)
+    form, problem, shown = DesignForm.of(request.query_params), "", None
+    if request.query_params:
+        try:
+            shown = services.analyses.design(caller, fit_id, form.request).entry
+        except InputError as error:
+            problem = _sentence(str(error))
+        except (FieldRefused, RunRefused) as error:
+            problem = _sentence(error.message)
+    effects = (fit.result or {}).get("effects") or ()
+    return page(
+        "design",
+        status=422 if problem else 200,
+        caller=caller,
+        fit=fit_view(FitSummary.of(fit), {}),
+        form=form,
+        query=urlencode(request.query_params),
+        tied=[effect["name"] for effect in effects if effect.get("alternatives")],
+        problem=problem,
+        design=shown,
+    )
+
+
+@router.get("/fits/{fit_id}/design.csv")
+def design_file(
+    fit_id: str, request: Request, services: ServicesDep, caller: CallerDep
+) -> Response:
+    """Profile of the next run as a file; the query is that of the page."""
+    form = DesignForm.of(request.query_params)
+    design = services.analyses.design(caller, fit_id, form.request)
+    return Response(
+        design.table,
+        media_type="text/csv; charset=utf-8",
+        headers={"Content-Disposition": f'attachment; filename="{fit_id}-next.csv"'},
+    )
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise FieldRefused(f"{name} {text[:40]!r} is not a number", field=name) from None
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
