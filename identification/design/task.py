@@ -128,7 +128,9 @@ def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
     noise = [(result.get("noise") or {}).get(name) for name in ("current_A", "speed_rad_s")]
     if not all(isinstance(value, int | float) and value > 0 for value in noise):
         raise InputError("the result has no noise of current and speed; repeat the fit")
-    runs = result["runs"]
+    runs = [run for run in result.get("runs") or () if run.get("sample_rate_hz")]
+    if not runs:
+        raise InputError("the result has no run with a sample rate; repeat the fit")
     ranges = [run.get("ranges") or {} for run in runs]
     known = {
         name: _largest(ranges, channel)
@@ -136,8 +138,8 @@ def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
             ("voltage", "voltage_V"), ("current", "current_A"), ("speed", "speed_rad_s")
         )
     }  # fmt: skip
-    rates = [run["sample_rate_hz"] for run in runs if run["sample_rate_hz"]]
-    spans = [run["rows"] / run["sample_rate_hz"] for run in runs if run["sample_rate_hz"]]
+    rates = [run["sample_rate_hz"] for run in runs]
+    spans = [run["rows"] / run["sample_rate_hz"] for run in runs]
     rows, interval = _grid(options, float(np.median(rates)), float(np.median(spans)))
     controllers = (result.get("options") or {}).get("controllers") or ["P:1"]
     peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
@@ -151,7 +153,7 @@ def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
         temperatures=tuple(options.temperatures) or _logged_temperatures(ranges),
         noise=np.array(noise, dtype=np.float64),
         seed=options.seed,
-        earlier=len(runs),
+        earlier=len(result["runs"]),
         hottest=max(peaks, default=-np.inf),
     )
 

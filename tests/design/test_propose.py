@@ -202,9 +202,21 @@ def test_impossible_options_are_named(options: dict[str, Any], word: str) -> Non
         DesignOptions(**options)
 
 
-def test_result_without_its_models_asks_for_a_new_fit(result: dict[str, Any]) -> None:
+@pytest.mark.parametrize("member", ["models", "runs", "noise"])
+def test_result_without_what_a_design_needs_asks_for_a_new_fit(
+    result: dict[str, Any], member: str
+) -> None:
     """Results of earlier versions have no covariance of the alternatives."""
-    old = {name: value for name, value in result.items() if name != "models"}
+    old = {name: value for name, value in result.items() if name != member}
 
     with pytest.raises(InputError, match="repeat the fit"):
         task_of_result(old, DesignOptions())
+
+
+def test_damaged_covariance_is_refused(result: dict[str, Any]) -> None:
+    """A covariance without its last row fits no parameters."""
+    (model,) = result["models"]
+    damaged = result | {"models": [model | {"covariance": model["covariance"][:-1]}]}
+
+    with pytest.raises(InputError, match="models"):
+        task_of_result(damaged, DesignOptions())
