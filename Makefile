@@ -142,6 +142,10 @@ same-results: $(READY) ## compare results with those of another version; ARGS="-
 attribution: $(READY) ## measure the identification rate of hidden effects (long)
 	$(BIN)/python -m benchmarks.attribution
 
+.PHONY: design-benchmark
+design-benchmark: $(READY) ## measure how often a designed run separates tied effects; ARGS="--cases 60" (long)
+	$(BIN)/python -m benchmarks.design $(ARGS)
+
 .PHONY: benches
 benches: $(READY) ## measure accuracy on realistic test bench recordings; ARGS="--first 0 --count 26" (long)
 	$(BIN)/python -m benchmarks.benches $(ARGS)
