@@ -20,6 +20,7 @@ from app.pages.history import history_view
 from app.pages.loop_form import LoopForm
 from app.pages.prediction import prediction_view
 from app.pages.rendering import help_prefix, page
+from app.pages.tuning_form import FIELDS, TuningForm, tuning_view
 from app.pages.views import fit_view
 from identification.errors import InputError
 
@@ -32,6 +33,7 @@ router = APIRouter(include_in_schema=False)
 
 _MOST_FITS = 100
 _MOST_RUNS = 200
+_TUNING_DRAWS = 200
 _DRAWS = 400
 """Draws of the page, which shall answer while the gains are typed."""
 
@@ -63,6 +65,34 @@ def loop_page(
         form=form,
         problem=problem,
         loop=shown,
+    )
+
+
+@router.get("/fits/{fit_id}/tuning")
+def tuning_page(
+    fit_id: str, request: Request, services: ServicesDep, caller: CallerDep
+) -> HTMLResponse:
+    """Form of a specification and, once it is sent, the controller that suits it."""
+    fit = services.analyses.succeeded(caller, fit_id)
+    form = TuningForm.of(request.query_params, fit.result or {})
+    problem, shown = "", None
+    try:
+        if request.query_params:
+            asked = form.request()
+            found, remarks = services.analyses.tuning(caller, fit_id, asked, draws=_TUNING_DRAWS)
+            shown = tuning_view(found, remarks)
+    except InputError as error:
+        message = str(error)
+        problem = f"{message[0].upper()}{message[1:]}."
+    return page(
+        "tuning",
+        status=422 if problem else 200,
+        caller=caller,
+        fit=fit_view(FitSummary.of(fit), {}),
+        form=form,
+        fields=FIELDS,
+        problem=problem,
+        tuning=shown,
     )
 
 

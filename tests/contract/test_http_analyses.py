@@ -134,6 +134,33 @@ def test_page_of_the_loop_is_a_form_with_its_answer(bench: Bench) -> None:
     assert re.search(r'name="temperature"[^>]*value="25, 80"', page.text)
 
 
+def test_page_of_a_specification_shows_its_controller(bench: Bench) -> None:
+    """The form keeps the fields; the answer has a figure and the table of the required metrics."""
+    address = f"/fits/{bench.second}/tuning"
+    query = {"kind": "PI", "overshoot": "10", "settling_time": "0.2", "voltage": "24"}
+
+    empty = bench.http.get(address)
+    page = bench.http.get(address, params=query | {"temperature": "25"})
+
+    assert (empty.status_code, page.status_code) == (200, 200)
+    assert "draws meet the specification" not in empty.text
+    assert re.search(r"<code>PI:[^<]*</code>: \S+ % of 200 draws meet the specification", page.text)
+    assert re.search(r'name="settling_time"[^>]*value="0.2"', page.text)
+    assert "<svg" in page.text
+    assert "met in 100 %" in page.text
+
+
+def test_page_of_a_specification_names_each_fault(bench: Bench) -> None:
+    """Both fields stand in the message, and keep their text."""
+    query = {"overshoot": "<i>", "delay": "x"}
+
+    page = bench.http.get(f"/fits/{bench.second}/tuning", params=query)
+
+    assert page.status_code == 422
+    assert 'value="&lt;i&gt;"' in page.text
+    assert "delay &#39;x&#39; is not a number" in page.text
+
+
 def test_page_keeps_what_was_typed_wrongly(bench: Bench) -> None:
     """The field has its text, and the message says what is expected."""
     page = bench.http.get(f"/fits/{bench.second}/loop", params={"kp": "<b>"})
@@ -250,7 +277,14 @@ def test_page_of_a_prediction_draws_measured_and_simulated(bench: Bench) -> None
 
 
 @needs_browser
-@pytest.mark.parametrize("page", ["fits/{first}/loop", "compare?fit={first}&fit={second}"])
+@pytest.mark.parametrize(
+    "page",
+    [
+        "fits/{first}/loop",
+        "fits/{first}/tuning?kind=PI&overshoot=10&temperature=25",
+        "compare?fit={first}&fit={second}",
+    ],
+)
 def test_page_in_a_browser_is_quiet(bench: Bench, tmp_path: Path, page: str) -> None:
     """The console is empty, and all requests go to this service."""
     base = str(bench.http.base_url).rstrip("/")
