@@ -73,6 +73,8 @@ def fit(
     runs: options.Runs,
     out: options.OutDir,
     validation: options.Validation = None,
+    motor_name: options.MotorName = "",
+    bench: options.BenchName = "",
     seed: options.Seed = 0,
     no_posterior: options.NoPosterior = False,
     no_effects: options.NoEffects = False,
@@ -116,6 +118,7 @@ def fit(
             nameplate=nameplate,
         ),
         mapping=motor.mapping_of(mapping, map or []),
+        label=motor.Label(motor_name, bench),
         show=motor.Show(as_json=json, quiet=quiet),
     )
 

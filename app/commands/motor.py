@@ -20,9 +20,11 @@ from app.commands.arguments import check_mapped_files, mapping_of, run_names, va
 from app.commands.files import draws_of, read_result, writable_directory, writable_file
 from identification.errors import InputError, OptionError
 from identification.feedback import feedback_metrics, parse_controllers
+from identification.label import Label
 from identification.options import FitOptions
 
 __all__ = [
+    "Label",
     "Show",
     "campaign_runs",
     "feedback",
@@ -92,6 +94,7 @@ def fit(
     options: FitOptions,
     *,
     mapping: Mapping[str, object] | None = None,
+    label: Label = Label(),  # noqa: B008  frozen
     show: Show,
 ) -> None:
     """Fit a motor, write its results and show them.
@@ -101,7 +104,7 @@ def fit(
         ComputationError: The computation failed.
     """
     with console.progress_bar(show.quiet) as progress:
-        result = _identified(out, training, validation, options, mapping, progress)
+        result = _identified(out, training, validation, options, mapping, progress, label=label)
     if show.as_json:
         console.print_json(console.fit_summary(result, out))
     elif not show.quiet:
@@ -115,6 +118,8 @@ def _identified(
     options: FitOptions,
     mapping: Mapping[str, object] | None,
     progress: console.Progress,
+    *,
+    label: Label,
 ) -> dict[str, Any]:
     """Read runs, identify the motor, write its files and return the content of result.json."""
     # Local imports, here and below: reading, fitting and plotting modules take seconds to load.
@@ -137,6 +142,7 @@ def _identified(
             lambda stage, done: progress(stage, 0.05 + 0.9 * done),
         )
         progress("write", 0.95)
+        identification.result.update(label.member())
         identification.write(out)
     progress("done", 1.0)
     return identification.result

@@ -12,6 +12,7 @@ from app.commands.arguments import decimal, whole
 __all__ = [
     "ApiKey",
     "AsJson",
+    "BenchName",
     "CampaignDir",
     "CampaignName",
     "CampaignOut",
@@ -32,6 +33,7 @@ __all__ = [
     "MapWords",
     "MappingFile",
     "Narrow",
+    "MotorName",
     "NewBackup",
     "NoAuth",
     "NoEffects",
@@ -208,6 +210,14 @@ SetAside = Annotated[
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Fit in spite of contradictory runs, and mark the result.")
+]
+MotorName = Annotated[
+    str,
+    typer.Option("--motor", metavar="NAME", help="Name of the motor, for report and result."),
+]
+BenchName = Annotated[
+    str,
+    typer.Option("--bench", metavar="NAME", help="Name of the test bench, for report and result."),
 ]
 Known = Annotated[
     list[str] | None,

@@ -49,10 +49,11 @@ class FitJob:
         directory: Directory for the outputs.
         training: Training runs, in the order of recording.
         validation: Validation runs.
-        options: Fields of `identification.options.FitOptions`.
+        options: Fields of `identification.options.FitOptions`, and `bench` if it is known.
         pipeline: Function that computes, as module:function.
         checkpoint_s: Minimum time between two checkpoints [s].
         threads: Number of threads that the job may use.
+        motor: Name of the motor; empty if unknown.
     """
 
     fit_id: str
@@ -64,6 +65,7 @@ class FitJob:
     pipeline: str
     checkpoint_s: float = 10.0
     threads: int = 1
+    motor: str = ""
 
     @classmethod
     def of(cls, fields: Mapping[str, Any]) -> Self:

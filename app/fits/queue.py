@@ -172,6 +172,7 @@ class FitQueue:
             options=row.options,
             pipeline=self._settings.pipeline,
             checkpoint_s=self._settings.checkpoint_s,
+            motor=row.motor or "",
         )
 
 

@@ -32,7 +32,7 @@ class FitRequest:
     Args:
         training: IDs of the training runs, in the order of recording.
         validation: IDs of the validation runs.
-        options: Fields of `identification.options.FitOptions`.
+        options: Fields of `identification.options.FitOptions`, and `bench` if it is known.
         motor: Name of the motor, or None.
     """
 
@@ -53,7 +53,9 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
     if len(set(ids)) < len(ids):
         raise FieldRefused("a run is given twice; give each run once, in one role", "training")
     values: dict[str, Any] = {
-        n: tuple(v) if isinstance(v, list) else v for n, v in request.options.items()
+        n: tuple(v) if isinstance(v, list) else v
+        for n, v in request.options.items()
+        if n != "bench"
     }
     _check_controllers(FitOptions(**values).controllers)
     return FitRow(

@@ -13,6 +13,7 @@ from app.fits.service import StoredFit
 from app.tables import FitRow
 from app.texts import Received, moment, with_example
 from identification.effort import EffortName
+from identification.label import LONGEST_LABEL
 from identification.options import FitOptions
 
 __all__ = [
@@ -130,6 +131,16 @@ class FitOptionsIn(BaseModel):
         "after the number.",
         examples=["voltage=12,no_load_speed=3000rpm,no_load_current=0.1,stall_current=4.2"],
     )
+    bench: str = Field(
+        default="",
+        max_length=LONGEST_LABEL,
+        description="Name of the test bench, for report and result.",
+        examples=["bench 4"],
+    )
+
+    def content(self) -> dict[str, Any]:
+        """Options to store; requests from before `bench` existed have none."""
+        return self.model_dump(mode="json", exclude=None if self.bench else {"bench"})
 
 
 class FitCreate(Received):
@@ -155,9 +166,7 @@ class FitCreate(Received):
 
     def request(self) -> FitRequest:
         """Convert to the request that the service takes."""
-        return FitRequest(
-            self.training, self.validation, self.options.model_dump(mode="json"), self.motor
-        )
+        return FitRequest(self.training, self.validation, self.options.content(), self.motor)
 
 
 class Progress(BaseModel):

@@ -28,6 +28,7 @@ from app.fork_server.child import Answers, pipeline_of
 from app.storage import CHECKPOINTS
 from identification.errors import ComputationError, ContradictoryRuns, InputError, RunFileError
 from identification.ingest import Run, read_run
+from identification.label import Label
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.threads import use_threads
@@ -89,7 +90,9 @@ def compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
     more: dict[str, Any] = {}
     if "checkpoint" in inspect.signature(identify).parameters:
         more["checkpoint"] = checkpoint_of(job)
-    identify(training, validation, FitOptions(**chosen), progress, **more).write(directory)
+    found = identify(training, validation, FitOptions(**chosen), progress, **more)
+    found.result.update(Label(job.motor, job.options.get("bench", "")).member())
+    found.write(directory)
     progress("writing", 1.0)
     seal(directory)
     sync_directory(directory)

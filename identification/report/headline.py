@@ -99,14 +99,17 @@ class ErrorBar:
 
 
 def facts(data: ReportData) -> list[tuple[str, str]]:
-    """Label and text of the origin of the result: date, runs, options and software."""
+    """Label and text of the origin of the result: motor, date, runs, options and software."""
     result = data.result
     options: Entry = result.get("options") or {}
     runs: Sequence[Entry] = result["runs"]
     roles = [run["role"] for run in runs]
     rows = sum(int(run["rows"]) for run in runs)
     counts = f"{roles.count('training')} training, {roles.count('validation')} validation"
+    label: Entry = result.get("label") or {}
     found = [
+        ("Motor", label.get("motor", "")),
+        ("Bench", label.get("bench", "")),
         ("Date", data.created),
         ("Runs", f"{counts}; {count_text(rows)} samples"),
         ("Options", _options_text(options)),

@@ -51,7 +51,7 @@ def test_fit_is_accepted_computed_and_fetched(alice: Caller) -> None:
     body = {
         "training": [runs[1]["id"], runs[0]["id"]],
         "validation": [runs[2]["id"]],
-        "options": {"temperatures": [10.0, 90.0]},
+        "options": {"temperatures": [10.0, 90.0], "bench": "bench 4"},
         "motor": "motor 5",
     }
 
@@ -71,6 +71,7 @@ def test_fit_is_accepted_computed_and_fetched(alice: Caller) -> None:
         {"file": "32.csv", "sha256": runs[2]["sha256"], "role": "validation"},
     ]
     assert fit["result"]["temperatures"] == [10.0, 90.0]
+    assert fit["result"]["label"] == {"motor": "motor 5", "bench": "bench 4"}
     report = alice.http.get(f"/fits/{fit['id']}/report")
     assert report.headers["content-type"] == "text/html; charset=utf-8"
     assert "sandbox allow-scripts" in report.headers["content-security-policy"]

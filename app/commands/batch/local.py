@@ -121,6 +121,7 @@ def _task(job: MotorJob, pipeline: str, threads: int) -> dict[str, Any]:
         "validation": [str(file.absolute()) for file in motor.validation],
         "mapping": None if motor.mapping is None else str(motor.mapping.absolute()),
         "options": asdict(motor.options),
+        "label": asdict(motor.label),
         "record": job.record,
         "pipeline": pipeline,
         "threads": threads,

@@ -29,12 +29,13 @@ from typing import Any, Final
 
 from app.commands.batch.options import Place, option_of, options_with
 from identification.errors import InputError, UnreadableFile
+from identification.label import Label
 from identification.options import FitOptions
 
 __all__ = ["Motor", "read_manifest"]
 
 _FILES: Final = ("training", "validation")
-_FIELDS: Final = ("motor", *_FILES, "mapping", "type")
+_FIELDS: Final = ("motor", *_FILES, "mapping", "bench", "type")
 _OPTIONS: Final = tuple(FitOptions.__dataclass_fields__)
 # The motor name is used as a directory name.
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]{0,99}")
@@ -56,6 +57,7 @@ class Motor:
         validation: Validation run files.
         options: Options of the fit.
         mapping: JSON file that assigns columns to channels, or None.
+        bench: Name of the test bench; empty if unknown.
         type: Type of the motor; empty if the manifest gives none.
     """
 
@@ -64,7 +66,13 @@ class Motor:
     validation: tuple[Path, ...]
     options: FitOptions
     mapping: Path | None = None
+    bench: str = ""
     type: str = ""
+
+    @property
+    def label(self) -> Label:
+        """Names for report and result."""
+        return Label(self.name, self.bench)
 
 
 def read_manifest(path: Path, defaults: FitOptions) -> list[Motor]:
@@ -195,7 +203,13 @@ def _motor(entry: Mapping[str, Any], place: Place, defaults: FitOptions) -> Moto
     mapping = entry.get("mapping")
     mapped = _path(folder, str(mapping), place.at("mapping")) if mapping else None
     options = options_with(defaults, entry["options"], place)
-    return Motor(name, training, validation, options, mapped, _type(entry.get("type"), place))
+    bench, type_ = str(entry.get("bench") or ""), _type(entry.get("type"), place)
+    motor = Motor(name, training, validation, options, mapped, bench, type_)
+    try:
+        motor.label  # noqa: B018  raises for a name that is not accepted
+    except InputError as error:
+        raise place.at("bench").wrong(error.message) from error
+    return motor
 
 
 def _type(value: object, place: Place) -> str:

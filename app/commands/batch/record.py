@@ -37,7 +37,7 @@ __all__ = [
 
 _RECORD: Final = "batch.json"
 _HISTORY: Final = "history"
-_MADE_FROM: Final = ("runs", "options", "mapping")
+_MADE_FROM: Final = ("runs", "options", "mapping", "bench")
 
 
 def record_of(motor: Motor) -> dict[str, Any]:
@@ -59,7 +59,8 @@ def record_of(motor: Motor) -> dict[str, Any]:
     options: dict[str, Any] = json.loads(json.dumps(asdict(motor.options)))
     # Omit these options if empty: records from before they existed have no such entries.
     options = {n: v for n, v in options.items() if v or n not in ("known", "nameplate")}
-    return {"runs": runs, "options": options} | ({"mapping": mapping} if mapping else {})
+    further = {"mapping": mapping, "bench": motor.bench}
+    return {"runs": runs, "options": options} | {n: v for n, v in further.items() if v}
 
 
 def kept_result(out: Path, record: Mapping[str, Any]) -> tuple[dict[str, Any], str | None] | None:

@@ -218,6 +218,7 @@ def _uploaded(service: Client, job: MotorJob, tell: Tell) -> tuple[dict[str, Any
     except OSError as error:
         return None, f"{error.filename}: cannot be opened ({error.strerror})"
     options = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(motor.options).items()}
+    options |= {"bench": motor.bench} if motor.bench else {}
     ids = {role: [run.id for run in stored] for role, stored in runs.items()}
     return {"motor": motor.name, **ids, "options": options}, ""
 

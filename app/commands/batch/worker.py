@@ -25,6 +25,7 @@ from app.logging import warnings_logged
 from app.texts import moment
 from identification.errors import ComputationError, InputError
 from identification.ingest import read_run
+from identification.label import Label
 from identification.options import FitOptions
 from identification.threads import use_threads
 
@@ -35,8 +36,8 @@ def handle(task: dict[str, Any], answer: int) -> None:
     """Fit one motor and report its progress and outcome on the pipe.
 
     Args:
-        task: `out`, `training`, `validation`, `mapping`, `options`, `record`, `pipeline`
-            and `threads`.
+        task: `out`, `training`, `validation`, `mapping`, `options`, `label`, `record`,
+            `pipeline` and `threads`.
         answer: Write end of the pipe to the command.
     """
     answers = Answers(answer)
@@ -78,5 +79,6 @@ def _fit(task: dict[str, Any], progress: Callable[[str, float], None]) -> None:
     out.mkdir(parents=True, exist_ok=True)
     # The previous result is kept until the new fit has succeeded.
     make_way(out)
+    identification.result.update(Label(**task["label"]).member())
     identification.write(out)
     finish(out, task["record"], moment(time.time()))

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from app.cli import main
 from identification.result.entries import result_schema
@@ -138,14 +139,22 @@ def test_json_summary_is_the_only_output(
 ) -> None:
     """A script can parse all of standard output; the paths in it exist."""
     out = tmp_path / "out"
+    names = ["--motor", "servo <3>", "--bench", "bench 4"]
 
-    assert main(words("fit", run_files[0], run_files[1], "--out", out, "--json", *FAST)) == 0
+    given = words("fit", run_files[0], run_files[1], "--out", out, "--json", *FAST, *names)
+    assert main(given) == 0
 
     summary = json.loads(capsys.readouterr().out)
     assert Path(summary["files"]["result"]).exists()
     assert Path(summary["files"]["report"]).exists()
     assert summary["files"]["posterior"] is None
-    assert summary["parameters"] == json.loads((out / "result.json").read_text())["parameters"]
+    result = json.loads((out / "result.json").read_text())
+    assert summary["parameters"] == result["parameters"]
+    assert result["label"] == {"motor": "servo <3>", "bench": "bench 4"}
+    Draft202012Validator(result_schema()).validate(result)
+    head = (out / "report.html").read_text(encoding="utf-8").partition("</header>")[0]
+    assert ">Motor</span> servo &lt;3&gt;" in head
+    assert head.index("bench 4") < head.index(">Date<")
 
 
 def test_other_temperatures_and_controllers_reach_the_feedback_list(

@@ -145,6 +145,32 @@ def test_report_marks_an_estimate_that_rests_on_a_known_value(
     assert "--known" in capsys.readouterr().out
 
 
+def test_bench_of_a_manifest_is_part_of_the_record_only_if_given(tmp_path: Path) -> None:
+    """CSV and YAML name it alike; without it, a result from before it existed is kept."""
+    (tmp_path / "run.csv").touch()
+    (tmp_path / "m.csv").write_text("motor,training,bench\na,run.csv,\nb,run.csv,bench 4\n")
+    (tmp_path / "m.yaml").write_text(
+        "motors: [{motor: a, training: run.csv}, {motor: b, training: run.csv, bench: bench 4}]"
+    )
+    plain, named = (
+        [record_of(m) for m in read_manifest(tmp_path / name, FitOptions())]
+        for name in ("m.csv", "m.yaml")
+    )
+
+    assert plain == named
+    assert plain[1] == plain[0] | {"bench": "bench 4"}
+
+
+def test_name_of_a_bench_is_checked(tmp_path: Path) -> None:
+    """A name with a control character is refused with its place."""
+    (tmp_path / "m.csv").write_text("motor,training,bench\na,run.csv,\x07\n")
+
+    with pytest.raises(InputError, match=r"bench is '\\x07'; expected at most 200 printable") as at:
+        read_manifest(tmp_path / "m.csv", FitOptions())
+
+    assert (at.value.row, at.value.column) == (2, "bench")
+
+
 def test_record_without_known_values_is_unchanged(tmp_path: Path) -> None:
     """A result from before these options existed stays up to date and is not fitted again."""
     (tmp_path / "run.csv").touch()
