@@ -106,6 +106,10 @@ class BadKey(RequestRefused, code="unauthorized"):
     """Missing or invalid API key."""
 
 
+class NotOwner(RequestRefused, code="not_owner"):
+    """Keys requested with a key that may not manage them."""
+
+
 class CrossSite(RequestRefused, code="cross_site"):
     """Request sent by a page of another site."""
 

@@ -17,6 +17,7 @@ from sqlalchemy import (
     Integer,
     String,
     UniqueConstraint,
+    true,
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
@@ -40,7 +41,10 @@ class Tables(DeclarativeBase):
 
 
 class KeyRow(Tables):
-    """API key, stored as its hash only.  `last_used_at` may lag by some minutes."""
+    """API key, stored as its hash only.  `last_used_at` may lag by some minutes.
+
+    An owner manages the keys of its workspace.
+    """
 
     __tablename__ = "keys"
 
@@ -52,6 +56,7 @@ class KeyRow(Tables):
     revoked_at: Mapped[float | None]
     expires_at: Mapped[float | None]
     last_used_at: Mapped[float | None]
+    owner: Mapped[bool] = mapped_column(server_default=true())
 
 
 class SessionRow(Tables):

@@ -41,10 +41,12 @@ class Caller:
     Args:
         workspace: Workspace that the client can access; it has access to no other.
         key_id: Id of the key, or None if the service runs without keys.
+        is_owner: Whether the client may manage the keys of the workspace.
     """
 
     workspace: str
     key_id: str | None = None
+    is_owner: bool = True
 
 
 class AccessService:
@@ -55,7 +57,12 @@ class AccessService:
         self._used: dict[str, float] = {}
 
     def create_key(
-        self, name: str, workspace: str = DEFAULT_WORKSPACE, *, days: float | None = None
+        self,
+        name: str,
+        workspace: str = DEFAULT_WORKSPACE,
+        *,
+        days: float | None = None,
+        owner: bool = True,
     ) -> tuple[KeyRow, str]:
         """Create a key.
 
@@ -63,6 +70,7 @@ class AccessService:
             name: Label in the list of keys, such as the bench that will use it.
             workspace: Workspace that the key gives access to.
             days: Days until the key expires; None for no expiry.
+            owner: Whether the key may manage the keys of its workspace.
 
         Returns:
             The key, and its secret, which is not stored and cannot be shown again.
@@ -91,6 +99,7 @@ class AccessService:
             digest=_digest(secret),
             created_at=now,
             expires_at=None if days is None else now + days * 86_400.0,
+            owner=owner,
         )
         with self._database.writing() as session:
             repository.add_key(session, key)
@@ -194,7 +203,7 @@ class AccessService:
 
     def _caller(self, key: KeyRow) -> Caller:
         self._used[key.id] = time.time()
-        return Caller(key.workspace, key.id)
+        return Caller(key.workspace, key.id, key.owner)
 
 
 def _digest(secret: str) -> str:

@@ -41,10 +41,12 @@ def serve(
         run(settings, listening)
 
 
-def create_key(name: str, workspace: str, days: float | None, data_dir: Path | None) -> None:
+def create_key(
+    name: str, workspace: str, days: float | None, data_dir: Path | None, *, owner: bool
+) -> None:
     """Create an API key and print it."""
     with _access(data_dir) as access:
-        key, secret = access.create_key(name, workspace, days=days)
+        key, secret = access.create_key(name, workspace, days=days, owner=owner)
     print(secret)  # noqa: T201
     until = "" if key.expires_at is None else f" until {_date(key.expires_at)}"
     print(  # noqa: T201
@@ -59,11 +61,11 @@ def list_keys(data_dir: Path | None) -> None:
     with _access(data_dir) as access:
         rows = access.list_keys()
     dates = ("created", "revoked", "expires", "last_used")
-    print("id", "workspace", "name", *dates, sep="\t")  # noqa: T201
+    print("id", "workspace", "name", *dates, "owner", sep="\t")  # noqa: T201
     for row in rows:
         moments = (getattr(row, f"{name}_at") for name in dates)
         shown = ("" if moment is None else _date(moment) for moment in moments)
-        print(row.id, row.workspace, row.name, *shown, sep="\t")  # noqa: T201
+        print(row.id, row.workspace, row.name, *shown, "yes" if row.owner else "no", sep="\t")  # noqa: T201
 
 
 def revoke_key(key: str, data_dir: Path | None) -> None:

@@ -22,12 +22,15 @@ def create_key(
     days: Annotated[
         float | None, typer.Option(help="Lifetime in days.  [default: unlimited]")
     ] = None,
+    owner: Annotated[
+        bool, typer.Option(help="Whether the key manages the keys of its workspace on /keys.")
+    ] = True,
     data_dir: options.DataDir = None,
 ) -> None:
     """Create an API key.  It is printed once and cannot be shown again."""
     from app.commands import administration
 
-    administration.create_key(name, workspace, days, data_dir)
+    administration.create_key(name, workspace, days, data_dir, owner=owner)
 
 
 @keys.command("list")

@@ -41,6 +41,7 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.BadRequest: HTTPStatus.BAD_REQUEST,
     errors.BadKey: HTTPStatus.UNAUTHORIZED,
     errors.CrossSite: HTTPStatus.FORBIDDEN,
+    errors.NotOwner: HTTPStatus.FORBIDDEN,
     errors.BodyTooLarge: HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
     errors.BodyTooSlow: HTTPStatus.REQUEST_TIMEOUT,
     errors.WrongMediaType: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,

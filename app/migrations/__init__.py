@@ -4,5 +4,5 @@ from __future__ import annotations
 
 __all__ = ["NEWEST"]
 
-NEWEST = "0006"
+NEWEST = "0007"
 """Schema version that the code requires; a test compares it with the files in versions/."""

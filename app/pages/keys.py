@@ -1,6 +1,7 @@
 """Page of the API keys of a workspace: list, create and revoke.
 
-A key gives access to all data of its workspace and to nothing else, its keys included.
+A key gives access to all data of its workspace and to nothing else; that of an owner manages the
+keys, too.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from fastapi.responses import HTMLResponse
 
 from app.access.service import Caller
 from app.composition import Services
-from app.errors import FieldRefused, NotFound
+from app.errors import FieldRefused, NotFound, NotOwner
 from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.rendering import help_prefix, page
 from app.pages.views import when
@@ -29,6 +30,7 @@ router = APIRouter(prefix="/keys", include_in_schema=False)
 @router.get("")
 def show(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Keys of the workspace."""
+    _check_owner(caller)
     return _page(services, caller)
 
 
@@ -38,12 +40,16 @@ def create(
     caller: CallerDep,
     name: Annotated[str, Form(max_length=200)],
     days: Annotated[str, Form(max_length=20)] = "",
+    owner: Annotated[bool, Form()] = False,
 ) -> HTMLResponse:
     """Create a key of the workspace and show its secret once."""
+    _check_owner(caller)
     _refuse_without_keys(caller)
     try:
         lifetime = float(days.replace(",", ".")) if days.strip() else None
-        _, secret = services.access.create_key(name.strip(), caller.workspace, days=lifetime)
+        _, secret = services.access.create_key(
+            name.strip(), caller.workspace, days=lifetime, owner=owner
+        )
     except ValueError:
         return _page(services, caller, problem=f"days: {days!r} is not a number", name=name)
     except OptionError as error:
@@ -54,11 +60,25 @@ def create(
 @router.post("/{key_id}/revoke")
 def revoke(key_id: str, services: ServicesDep, caller: CallerDep) -> Response:
     """Revoke a key of the workspace and end its sessions."""
+    _check_owner(caller)
     try:
         services.access.revoke_key(key_id, caller.workspace)
     except OptionError as error:
         raise NotFound("there is no such key that can be revoked; /keys lists them") from error
     return Response(status_code=204, headers={"HX-Refresh": "true"})
+
+
+def _check_owner(caller: Caller) -> None:
+    """Refuse a key that may not manage keys.
+
+    Raises:
+        NotOwner: The key belongs to no owner.
+    """
+    if not caller.is_owner:
+        raise NotOwner(
+            "this key does not manage keys; ask an owner of the workspace, or make one with "
+            "`motorid keys create --owner`"
+        )
 
 
 def _refuse_without_keys(caller: Caller) -> None:
@@ -96,6 +116,7 @@ def _key_view(key: KeyRow, caller: Caller) -> dict[str, Any]:
         "name": key.name,
         "state": state,
         "is_own": key.id == caller.key_id,
+        "is_owner": key.owner,
         "times": {
             label: None if at is None else {"iso": moment(at), "text": when(moment(at))}
             for label, at in times.items()

@@ -44,7 +44,7 @@ def test_migrating_again_changes_nothing(database: Database) -> None:
     """Each start migrates, so a second migration must keep all rows."""
     with database.writing() as session:
         session.execute(
-            text("INSERT INTO keys VALUES ('k', 'w', 'name', 'digest', 1.0, NULL, NULL, NULL)")
+            text("INSERT INTO keys VALUES ('k', 'w', 'n', 'd', 1.0, NULL, NULL, NULL, TRUE)")
         )
 
     database.migrate()
@@ -71,6 +71,25 @@ def test_migrations_can_be_reverted(database_url: str) -> None:
     assert left == set()
 
 
+def test_keys_from_before_owners_are_those_of_owners(database_url: str) -> None:
+    """Whoever could manage keys before version 0007 still can."""
+    import alembic.command
+
+    engine = sqlalchemy.create_engine(Database(database_url).url)
+    config = alembic.config.Config()
+    config.set_main_option("script_location", str(Path(app.migrations.__file__).parent))
+    columns = "(id, workspace, name, digest, created_at)"
+    with engine.begin() as connection:
+        config.attributes["connection"] = connection
+        alembic.command.upgrade(config, "0006")
+        connection.execute(text(f"INSERT INTO keys {columns} VALUES ('a', 'w', 'n', 'd', 1.0)"))
+        alembic.command.upgrade(config, "head")
+        owner = connection.scalar(text("SELECT owner FROM keys"))
+    engine.dispose()
+
+    assert owner in (True, 1)
+
+
 def test_journal_is_safe_for_this_version_of_sqlite(tmp_path: Path) -> None:
     """WAL mode can corrupt a database before SQLite 3.51.3."""
     database = Database(f"sqlite:///{tmp_path / 'x.sqlite3'}")
@@ -86,7 +105,9 @@ def test_journal_is_safe_for_this_version_of_sqlite(tmp_path: Path) -> None:
 
 def test_failed_transaction_is_rolled_back(database: Database) -> None:
     """The first, valid statement is rolled back with the second."""
-    insert = text("INSERT INTO keys VALUES (:id, 'default', 'name', 'same', 1.0, NULL, NULL, NULL)")
+    insert = text(
+        "INSERT INTO keys VALUES (:id, 'default', 'n', 'same', 1.0, NULL, NULL, NULL, TRUE)"
+    )
 
     def write() -> None:
         with database.writing() as session:
@@ -103,7 +124,9 @@ def test_failed_transaction_is_rolled_back(database: Database) -> None:
 def test_concurrent_writers_lose_no_update(database: Database) -> None:
     """Eight threads increment a number 25 times each, to 200."""
     with database.writing() as session:
-        session.execute(text("INSERT INTO keys VALUES ('k', 'w', 'n', 'd', 0.0, NULL, NULL, NULL)"))
+        session.execute(
+            text("INSERT INTO keys VALUES ('k', 'w', 'n', 'd', 0.0, NULL, NULL, NULL, TRUE)")
+        )
 
     def count() -> None:
         for _ in range(25):

@@ -143,6 +143,33 @@ def test_keys_of_a_workspace_are_created_and_revoked(browser: httpx.Client, serv
     assert ">revoked</span>" in browser.get("/keys").text
 
 
+def test_only_an_owner_manages_keys(browser: httpx.Client, server: Server) -> None:
+    """A key made without the box of an owner opens the data, and neither page nor calls of keys."""
+    workspace = f"keys-{secrets.token_hex(6)}"
+    with httpx.Client(base_url=server.url, headers=HTML) as owner:
+        owner.post("/login", data={"key": make_key(server.data_dir, workspace)})
+        made = owner.post("/keys", data={"name": "bench 4"})
+        also = owner.post("/keys", data={"name": "second owner", "owner": "true"})
+        keys = re.findall(r"keys/(key_\w+)/revoke", owner.get("/keys").text)
+    secret, second = (
+        re.findall(r'class="secret">(motorid_[\w-]+)<', page.text)[0] for page in (made, also)
+    )
+    browser.post("/login", data={"key": secret})
+
+    answers = [
+        browser.get("/keys"),
+        browser.post("/keys", data={"name": "mine"}),
+        *(browser.post(f"/keys/{key}/revoke") for key in keys),
+    ]
+
+    assert len(keys) == 3
+    assert {answer.status_code for answer in answers} == {403}
+    assert "ask an owner" in answers[0].text
+    assert "/keys" not in browser.get("/").text
+    assert browser.get("/api/v1/runs").status_code == 200
+    assert httpx.get(f"{server.url}/keys", headers={"Authorization": f"Bearer {second}"}).is_success
+
+
 @pytest.mark.parametrize(
     ("name", "days", "words"),
     [("bench 4", "soon", "is not a number"), ("bench 4", "-1", "expected more than 0")],

@@ -27,6 +27,17 @@ def test_key_gives_access_to_its_workspace(access: AccessService) -> None:
     assert (caller.workspace, caller.key_id) == ("motors", key.id)
 
 
+def test_key_is_that_of_an_owner_unless_it_says_otherwise(access: AccessService) -> None:
+    """The session of a key has the same right as the key."""
+    made = ((True, access.create_key("a")), (False, access.create_key("b", owner=False)))
+
+    for owner, (key, secret) in made:
+        assert key.owner is owner
+        assert access.caller_of_key(secret).is_owner is owner
+        token = access.open_session(secret, 60.0)
+        assert access.caller_of_session(token).is_owner is owner
+
+
 def test_revoked_key_is_invalid_and_ends_its_sessions(access: AccessService) -> None:
     """Other keys remain valid; a second revocation is rejected."""
     key, secret = access.create_key("lost")
