@@ -7,18 +7,21 @@ scrolling.
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
+import scipy.io
 
-from identification.ingest import write_run
 from tests.app.browser import BROWSER, needs_browser
 from tests.app.service import Server, serving
 from tests.app.waiting import WAITS
+from tests.ingest.writers import workbook
 from tests.motors import campaign, motor_named
 
 if TYPE_CHECKING:
@@ -87,30 +90,35 @@ class Walk:
         held = self.page.evaluate_handle(
             """files => {
               const held = new DataTransfer();
-              for (const [name, text] of files) held.items.add(new File([text], name));
+              for (const [name, text] of files) {
+                const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+                held.items.add(new File([bytes], name));
+              }
               return held;
             }""",
-            [[file.name, file.read_text(encoding="utf-8")] for file in files],
+            [[file.name, base64.b64encode(file.read_bytes()).decode()] for file in files],
         )
         self.page.dispatch_event("#drop", "drop", {"dataTransfer": held})
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Three runs of the 100 W servo: canonical CSV, German CSV with units, oscilloscope table."""
+    """Three runs of the 100 W servo: German CSV, workbook with units, MATLAB struct of channels."""
+    pytest.importorskip("openpyxl", reason="openpyxl is not installed")
+    pytest.importorskip("python_calamine", reason="python-calamine is not installed")
     directory = tmp_path_factory.mktemp("files")
-    names = ("canonical.csv", "pruefstand.csv", "scope.tsv")
+    names = ("pruefstand.csv", "bench.xlsx", "scope.mat")
     paths = [directory / name for name in names]
     runs = campaign(motor_named("servo 100 W"), seed=3, runs=3, rows=600)
-    for run, path in zip(runs, paths, strict=True):
-        write_run(run, path)
-    german, scope = runs[1], runs[2]
+    german, sheet, scope = runs
     rows = zip(german.time * 1e3, german.voltage, german.current, german.speed * RPM, strict=True)
     lines = ["Zeit [ms];U [V];I [A];n [rpm]", *(";".join(map(repr, map(float, r))) for r in rows)]
-    paths[1].write_text("\n".join(lines).replace(".", ",") + "\n", encoding="utf-8")
-    rows = zip(scope.time, scope.voltage, scope.current, scope.speed, strict=True)
-    lines = ["t [s]\tCH1\tCH2\tCH3", *("\t".join(map(repr, map(float, r))) for r in rows)]
-    paths[2].write_text("\n".join(lines) + "\n", encoding="utf-8")
+    paths[0].write_text("\n".join(lines).replace(".", ",") + "\n", encoding="utf-8")
+    columns = [sheet.time, sheet.voltage, sheet.current, sheet.speed]
+    head = ["t [s]", "voltage [V]", "current [A]", "speed [rad/s]"]
+    workbook(paths[1], {"Run": [head, *np.column_stack(columns).tolist()]})
+    channels = {"CH1": scope.voltage, "CH2": scope.current, "CH3": scope.speed}
+    scipy.io.savemat(paths[2], {"time_s": scope.time, **channels})
     return paths
 
 
@@ -149,6 +157,8 @@ def test_user_walks_from_three_files_to_a_report(walk: Walk, files: list[Path]) 
     page.click(".back a >> nth=0")
     assert page.url == address
 
+    compare_two_fits(walk)
+    look_at_the_pages_of_a_fit(walk, address)
     cancel_a_fit(walk)
     page.goto(f"{walk.server.url}/nowhere")
     # The browser itself reports the status of the page on the console.
@@ -156,7 +166,7 @@ def test_user_walks_from_three_files_to_a_report(walk: Walk, files: list[Path]) 
     walk.console.clear()
     walk.check()
     page.click("main >> text=Runs and fits")
-    assert page.locator("tr[data-fit]").count() == 2
+    assert page.locator("tr[data-fit]").count() == 3
     walk.check()
 
 
@@ -172,7 +182,7 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
     assert page.input_value("#motor") == "servo 1"
     assert page.locator("article.pending .uplot").first.is_visible()
     walk.check()
-    scope = page.locator("article.pending", has_text="scope.tsv")
+    scope = page.locator("article.pending", has_text="scope.mat")
     for channel, column, unit in (
         ("voltage", "CH1", "V"), ("current", "CH2", "A"), ("speed", "CH3", "rad/s"),
     ):  # fmt: skip
@@ -207,6 +217,43 @@ def start_fit(page: Page) -> None:
     page.uncheck("[name=effects]")
     page.click("text=Start fit")
     page.wait_for_url("**/fits/fit_*")
+
+
+def compare_two_fits(walk: Walk) -> None:
+    """Fit the same runs again with another seed, and compare both on the page of the motor."""
+    page = walk.page
+    page.goto(walk.server.url)
+    page.click("text=More options")
+    page.fill("[name=seed]", "1")
+    page.uncheck("[name=posterior]")
+    page.uncheck("[name=effects]")
+    page.click("text=Start fit")
+    page.wait_for_url("**/fits/fit_*")
+    page.wait_for_selector("text=succeeded")
+    page.click("h1 >> text=servo 1")
+    walk.check()
+    assert page.locator("input[name=fit]:checked").count() == 2
+    page.click("text=Compare the two selected fits")
+    page.locator("text=Simulation error").first.wait_for()
+    assert page.locator("#parameters-title").is_visible()
+    assert page.locator("th >> text=Ra25").count() == 1
+    assert page.locator("text=The fits share 2 training runs").count() == 1
+    walk.check()
+
+
+def look_at_the_pages_of_a_fit(walk: Walk, address: str) -> None:
+    """The loop, the prediction and the keys have no finding either."""
+    page = walk.page
+    page.goto(address)
+    page.click("text=Try another controller")
+    page.locator("figure svg").first.wait_for()
+    walk.check()
+    page.goto(address)
+    page.click("text=Measured and simulated runs")
+    page.locator("#predicted-title").wait_for()
+    walk.check()
+    page.goto(f"{walk.server.url}/keys")
+    walk.check()
 
 
 def cancel_a_fit(walk: Walk) -> None:
