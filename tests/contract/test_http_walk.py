@@ -116,7 +116,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     paths[0].write_text("\n".join(lines).replace(".", ",") + "\n", encoding="utf-8")
     columns = [sheet.time, sheet.voltage, sheet.current, sheet.speed]
     head = ["t [s]", "voltage [V]", "current [A]", "speed [rad/s]"]
-    workbook(paths[1], {"Run": [head, *np.column_stack(columns).tolist()]})
+    table: list[list[object]] = [[*head], *np.column_stack(columns).tolist()]
+    workbook(paths[1], {"Run": table})
     channels = {"CH1": scope.voltage, "CH2": scope.current, "CH3": scope.speed}
     scipy.io.savemat(paths[2], {"time_s": scope.time, **channels})
     return paths
