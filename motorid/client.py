@@ -22,6 +22,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
+from urllib.parse import quote, urlencode
 
 from motorid.errors import (
     BadKey,
@@ -267,6 +268,27 @@ class Client:
     def fetch_posterior(self, fit: Fit | str, path: str | os.PathLike[str]) -> Path:
         """Write the posterior of a succeeded fit that was sampled; return the path."""
         return self._fetched(f"/fits/{_id(fit)}/posterior", Path(path))
+
+    def fetch_export(
+        self,
+        fit: Fit | str,
+        form: str,
+        path: str | os.PathLike[str],
+        *,
+        temperatures: Sequence[float] = (),
+    ) -> Path:
+        """Write the motor of a succeeded fit in the format of another program; return the path.
+
+        Args:
+            fit: The fit, or its id.
+            form: Format, such as ``matlab``, ``modelica``, ``fmu`` or ``csv``.
+            path: File to write.
+            temperatures: Temperatures of linear models [degC]; those of the result if empty.
+        """
+        chosen = urlencode([("temperature", one) for one in temperatures])
+        return self._fetched(
+            f"/fits/{_id(fit)}/exports/{quote(form, safe='')}?{chosen}", Path(path)
+        )
 
     def fetch_table(self, batch: Batch | str, path: str | os.PathLike[str]) -> Path:
         """Write the results table of a batch in the format given by the suffix of the path.

@@ -42,11 +42,14 @@ def prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str, 
     """View of the preview of the training runs; None if no run is chosen."""
     if found is None:
         return {"training": 0}
+    # Lazy import: numpy would slow down every start.
+    from identification.result.numbers import unit_text
+
     parameters = [
         {
             "name": name,
             "value": f"{entry['value']:.3g}".replace("-", "\u2212"),
-            "unit": entry["unit"],
+            "unit": unit_text(entry["unit"]),
             "precision": _precision(entry),
             "identified": entry["identified"],
             "advice": entry["advice"],

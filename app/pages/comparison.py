@@ -13,6 +13,8 @@ __all__ = ["comparison_view"]
 
 Result = Mapping[str, Any]
 
+_INTERVAL = ("median", "q05", "q95")
+
 
 def comparison_view(
     results: Sequence[Result], steps: Sequence[Sequence[StepResponse]]
@@ -68,14 +70,21 @@ def _row(name: str, a: Result | None, b: Result | None, drift: Drift | None) -> 
         UNKNOWN,
         interval_text,
         signed_percent_text,
+        unit_prefix,
         unit_text,
     )
 
+    unit = (b or a or {}).get("unit", "")
+    factor, unit = unit_prefix(unit, [one["median"] for one in (a, b) if one is not None])
     return {
         "name": name,
-        "unit": unit_text((b or a or {}).get("unit", "")),
+        "unit": unit_text(unit),
         "estimates": [
-            None if one is None else interval_text(one["median"], one["q05"], one["q95"])
+            None
+            if one is None
+            else interval_text(
+                *(None if one[key] is None else factor * one[key] for key in _INTERVAL)
+            )
             for one in (a, b)
         ],
         "is_identified": [one is None or bool(one["identified"]) for one in (a, b)],

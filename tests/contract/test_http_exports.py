@@ -10,6 +10,8 @@ import pytest
 from app.errors import FieldRefused
 from app.fits.exports import EXPORTS, exported
 from identification.export import FORMATS
+from motorid.client import Client
+from motorid.errors import Problem
 from tests.app.service import Caller, Server
 from tests.contract.hostile import assert_is_problem
 from tests.export.results import CASES, result_with
@@ -34,6 +36,18 @@ def test_table_of_a_fit_is_an_attachment(alice: Caller, fit: str) -> None:
     assert answer.headers["content-type"].startswith("text/csv")
     assert answer.headers["content-disposition"] == f'attachment; filename="{fit}.csv"'
     assert answer.text.startswith("group,name,temperature_degC,")
+
+
+def test_client_writes_the_export(alice: Caller, server: Server, fit: str, tmp_path: Path) -> None:
+    """The file is that of the call; an unknown format leaves none."""
+    key = alice.http.headers["authorization"].removeprefix("Bearer ")
+    with Client(server.url, key) as client:
+        path = client.fetch_export(fit, "csv", tmp_path / "motor.csv", temperatures=[25.0, -10.0])
+        with pytest.raises(Problem, match="expected python-control"):
+            client.fetch_export(fit, "excel", tmp_path / "none")
+
+    assert path.read_text("utf-8") == alice.http.get(f"/fits/{fit}/exports/csv").text
+    assert [file.name for file in tmp_path.iterdir()] == ["motor.csv"]
 
 
 @pytest.mark.parametrize("form", ["excel", "csv%20", "CSV"])

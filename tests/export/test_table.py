@@ -7,6 +7,7 @@ import io
 from typing import Any
 
 from identification.export import export
+from identification.export.table import csv_table
 from tests.export.results import FRICTION, result_with
 
 
@@ -30,6 +31,13 @@ def test_table_has_parameters_effects_and_metrics_with_their_numbers() -> None:
     metric = rows["feedback", "rise_time_s"]
     assert (metric["temperature_degC"], metric["controller"], metric["q95"]) == ("25.0", "P:1", "")
     assert metric["unit"] == "s"
+
+
+def test_unit_of_a_ratio_is_no_formula() -> None:
+    """A sign alone is text in every spreadsheet, so that it needs no mark."""
+    entry = {"mean": 1.0, "sd": 0.1, "q05": 0.8, "median": 1.0, "q95": 1.2, "unit": "-"}
+
+    assert "'-" not in csv_table({"parameters": {"ratio": entry}})
 
 
 def test_text_that_a_spreadsheet_would_evaluate_is_marked() -> None:

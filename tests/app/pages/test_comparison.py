@@ -39,6 +39,17 @@ def test_difference_is_counted_in_combined_standard_deviations(
     assert not rows["Ra25"]["is_significant"]
 
 
+def test_inductance_has_the_prefix_of_the_other_tables() -> None:
+    """Microhenries rather than powers of ten; the larger value selects the prefix of both."""
+    rows = {r["name"]: r for r in comparison_view([FIRST, moved("L", 1.0)], [(), ()])["parameters"]}
+    median = 1e6 * FIRST["parameters"]["L"]["median"]
+
+    assert rows["L"]["unit"] == "µH"
+    assert float(rows["L"]["estimates"][0].median) == pytest.approx(median, rel=1e-2)
+    assert rows["L"]["estimates"][0].power == ""
+    assert rows["Ra25"]["unit"] == "Ω"
+
+
 def test_effect_of_one_fit_has_a_dash_in_the_other() -> None:
     """The second fit has no effects, so its columns are empty there."""
     shown = comparison_view([FIRST, FIRST | {"effects": []}], [(), ()])
