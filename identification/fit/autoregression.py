@@ -17,15 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-__all__ = ["autoregression", "spectrum"]
+__all__ = ["LARGEST_ORDER", "autoregression", "lag_products", "spectrum"]
 
 Array = NDArray[np.float64]
 
-_LARGEST_ORDER: Final = 12
+LARGEST_ORDER: Final = 12
+"""Largest order of a noise model."""
 
 
 def autoregression(
-    series: Sequence[Array], criterion: Literal["bayes", "akaike"] = "bayes"
+    series: Sequence[Array],
+    criterion: Literal["bayes", "akaike"] = "bayes",
+    absorbed: Array | None = None,
 ) -> Array:
     """Taps (1, c_1, ..., c_p) of the whitening filter of series with one common noise process.
 
@@ -37,22 +40,17 @@ def autoregression(
         series: Residuals, one (n_sample,) array per record; their mean is not subtracted.
         criterion: Penalty log(n) of Bayes for a noise model, which pays for every order; penalty 2
             of Akaike for a confidence band, which must not miss one.
+        absorbed: (LARGEST_ORDER + 1,) expected lag products of the noise that the fit has absorbed;
+            they are added to those of the residuals.
     """
     count = sum(s.size for s in series)
     if criterion == "bayes":
-        largest, penalty = min(_LARGEST_ORDER, count // 20), np.log(max(count, 1))
+        largest, penalty = min(LARGEST_ORDER, count // 20), np.log(max(count, 1))
     else:
         largest, penalty = min(int(10.0 * np.log10(count)), count // 4), 2.0
-    lags = np.array(
-        [
-            sum(
-                float(np.einsum("i,i->", s[lag:], s[: s.size - lag]))
-                for s in series
-                if s.size > lag
-            )
-            for lag in range(largest + 1)
-        ]
-    )
+    lags = np.sum([lag_products(each, largest) for each in series], axis=0)
+    if absorbed is not None:
+        lags = lags + absorbed[: largest + 1]
     power = lags[0]
     if power <= 0:
         return np.ones(1)
@@ -70,6 +68,24 @@ def autoregression(
         if score < lowest:
             lowest, best = score, coefficients
     return np.concatenate([[1.0], -best])
+
+
+def lag_products(series: Array, largest: int) -> Array:
+    """Sums of the products of a series with itself, by lag.
+
+    Args:
+        series: (n_sample,), or (n_sample, n_column), whose columns are summed.
+        largest: Largest lag [samples].
+
+    Returns:
+        (largest + 1,), zero for lags longer than the series.
+    """
+    return np.array(
+        [
+            float(np.vdot(series[lag:], series[: len(series) - lag])) if lag < len(series) else 0.0
+            for lag in range(largest + 1)
+        ]
+    )
 
 
 def spectrum(taps: Array, length: int) -> Array:

@@ -7,13 +7,20 @@ residuals (generalised least squares).  *Heavy-tailed* noise (outliers) follows 
 distribution.  Its likelihood is maximised by weighting each sample by the size of its residual; no
 sample is deleted.
 
+The fit absorbs part of slow noise, so the residuals are whiter than the noise, and intervals from
+their colour are too narrow on short records.  The filter is therefore estimated again from the
+whitened fit, with the expected absorbed part A C A' added to the autocovariance of the residuals (A
+sensitivities, C covariance of parameters and initial states): a step of expectation-maximisation
+for the restricted likelihood.
+
 If the model lacks an effect, whitening would reduce the one-step prediction error at the expense of
 the simulation error.  In that case the ordinary fit is kept, and its uncertainty is widened for the
 autocorrelated residuals (sandwich covariance).
 
 Source: Ljung, System Identification, 2nd edition, sections 7.5 and 16.4; Lange, Little and Taylor,
-J. American Statistical Association 84 (1989), 881-896 (Student-t weights); White, Econometrica 48
-(1980), 817-838 (sandwich).
+J. American Statistical Association 84 (1989), 881-896 (Student-t weights); Laird, Lange and Stram,
+J. American Statistical Association 82 (1987), 97-105 (restricted likelihood); White, Econometrica
+48 (1980), 817-838 (sandwich).
 """
 
 from __future__ import annotations
@@ -26,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from identification.fit.autoregression import autoregression
+from identification.fit.autoregression import LARGEST_ORDER, autoregression, lag_products
 from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.linear import eigh, root, solution
 from identification.model.weighting import Weighting
@@ -58,10 +65,12 @@ def with_noise_model(fit: Fit) -> Fit:
         if the noise model makes the simulation worse.
     """
     changed = _refitted(fit, fit)
-    if changed is not fit and changed.weighting.robust is not None:
-        # The first weights come from the ordinary fit and retain a third of its error.
-        changed = _refitted(fit, changed)
-    return changed
+    if changed is fit:
+        return fit
+    # The first weights come from the ordinary fit and retain a third of its error; the first filter
+    # is that of residuals from which the ordinary fit has absorbed the most.
+    again = _refitted(fit, changed)
+    return changed if again is fit and changed.weighting.robust is None else again
 
 
 def _refitted(fit: Fit, latest: Fit) -> Fit:
@@ -71,8 +80,9 @@ def _refitted(fit: Fit, latest: Fit) -> Fit:
     """
     residuals = latest.residuals()
     robust = _student_weights(fit.weighting, residuals)
+    absorbed = None if latest is fit else _absorbed(latest)
     weighting = replace(
-        fit.weighting, robust=robust, whitening=_whitening(fit.weighting, residuals)
+        fit.weighting, robust=robust, whitening=_whitening(fit.weighting, residuals, absorbed)
     )
     if robust is None and all(taps.size == 1 for taps in weighting.whitening):
         return fit
@@ -110,15 +120,40 @@ def _tolerated_rise(fit: Fit) -> float:
     return 1.0 + min(3.0 * unknowns / max(samples, 1.0), _LARGEST_RISE)
 
 
-def _whitening(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array, Array]:
+def _whitening(
+    weighting: Weighting, residuals: Sequence[Array], absorbed: Array | None
+) -> tuple[Array, Array]:
     taps = []
     for channel in range(2):
         series = [
             residual[:, channel] * np.sqrt(weighting.sample_weights(k)[:, channel])
             for k, residual in enumerate(residuals)
         ]
-        taps.append(autoregression(series))
+        extra = None if absorbed is None else absorbed[channel]
+        taps.append(autoregression(series, absorbed=extra))
     return taps[0], taps[1]
+
+
+def _absorbed(fit: Fit) -> Array:
+    """(2, LARGEST_ORDER + 1) expected lag products of the noise that a fit has absorbed.
+
+    They are those of the simulated channels under the covariance of the fit: its parameters, with
+    the initial states that follow them, and the initial states given the parameters.
+    """
+    n, equations = fit.position.size, fit.equations
+    of_parameters = root(equations.covariance())
+    found = np.zeros((2, LARGEST_ORDER + 1))
+    for block in equations.derivatives.blocks(fit.weighting.order):
+        k, tangent = block.record, block.tangent[block.lead :]
+        weight = fit.weighting.records[k].weight[block.samples][block.lead :]
+        of_states = root(solution(equations.state_matrices[k], np.eye(tangent.shape[2] - n)))
+        response = equations.state_response(k)
+        for channel in range(2):
+            own = tangent[:, channel, :n] + tangent[:, channel, n:] @ response
+            spread = np.hstack([own @ of_parameters, tangent[:, channel, n:] @ of_states])
+            spread *= np.sqrt(weight[:, channel, None])
+            found[channel] += lag_products(spread, LARGEST_ORDER)
+    return found
 
 
 def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array, ...] | None:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from identification.fit.autoregression import autoregression
+from identification.fit.autoregression import LARGEST_ORDER, autoregression, lag_products
 from identification.fit.declared import fit_declared
 from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
@@ -187,3 +187,30 @@ def test_the_order_and_taps_of_an_autoregression_are_found(taps: list[float]) ->
 def test_a_series_of_zeros_needs_no_filter() -> None:
     """Residuals of zero have no correlation."""
     np.testing.assert_array_equal(autoregression([np.zeros(500)]), [1.0])
+
+
+def test_the_noise_that_a_regression_absorbs_is_given_back_to_its_colour() -> None:
+    """Weighted least squares: E[e e'] = S - A (A' S^-1 A)^-1 A'; its addition gives S."""
+    rng, pole, rows = np.random.default_rng(0), 0.9, 400
+    slow = np.cos(np.pi * np.outer(np.arange(rows) + 0.5, np.arange(20)) / rows)
+    white = lfilter([1.0, -pole], [1.0], slow, axis=0)
+    covariance = np.linalg.inv(white.T @ white)
+    absorbed = lag_products(slow @ np.linalg.cholesky(covariance), LARGEST_ORDER)
+    plain, corrected = [], []
+    for _ in range(40):
+        noise = lfilter([1.0], [1.0, -pole], rng.standard_normal(rows))
+        fitted = slow @ covariance @ white.T @ lfilter([1.0, -pole], [1.0], noise)
+        plain.append(autoregression([noise - fitted])[1])
+        corrected.append(autoregression([noise - fitted], absorbed=absorbed)[1])
+
+    assert np.mean(plain) > -0.83
+    assert np.mean(corrected) == pytest.approx(-pole, abs=0.015)
+
+
+def test_the_filter_of_a_fit_is_slower_than_its_residuals() -> None:
+    """The fit absorbs slow noise, so the noise is slower than what the fit leaves of it."""
+    fit = with_noise_model(fit_declared(records_of(coloured(3, np.array([0.1, 1.5]), 0.95)), "zoh"))
+
+    for channel in range(2):
+        left = autoregression([residual[:, channel] for residual in fit.residuals()])
+        assert -1.0 < fit.weighting.whitening[channel][1] < left[1] < -0.9
