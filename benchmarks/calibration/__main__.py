@@ -4,7 +4,7 @@
 
 The number determines the campaign.  Each campaign appends one line of JSON to the log, and those in
 the log are not repeated, so an interrupted measurement can be resumed.  The page is generated from
-the whole log.
+the whole log; its hand-written findings are kept.
 """
 
 from __future__ import annotations
@@ -16,12 +16,16 @@ import platform
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 from benchmarks.calibration.campaign import measured
 from benchmarks.calibration.page import figures, page
 from benchmarks.calibration.plan import item_of
 
 __all__ = ["main"]
+
+_HEADING: Final = "## Findings\n"
+"""Heading of the hand-written last part of the page, which a new measurement keeps."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -43,11 +47,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     command = f"python -m benchmarks.calibration --campaigns {chosen.campaigns}"
     command += f" --first {chosen.first}"
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    chosen.out.write_text(page(lines, command, _processor()), encoding="utf-8")
+    text = page(lines, command, _processor(), _findings(chosen.out))
+    chosen.out.write_text(text, encoding="utf-8")
     pictures = chosen.out.parent.parent / "pictures" / "calibration"
     pictures.mkdir(parents=True, exist_ok=True)
     for name, drawing in figures(lines).items():
         (pictures / name).write_text(drawing, encoding="utf-8")
+
+
+def _findings(out: Path) -> str:
+    """Hand-written findings of the page that is replaced, with their heading; empty if none."""
+    old = out.read_text("utf-8") if out.exists() else ""
+    return old[old.index(_HEADING) :] if _HEADING in old else ""
 
 
 def _processor() -> str:
