@@ -17,6 +17,7 @@ from typing import Annotated
 import typer
 
 from app.commands import options
+from app.commands.archives import backup, restore
 from app.commands.arguments import SeveralWords
 from app.commands.design import design
 from app.commands.exits import (
@@ -309,28 +310,8 @@ def serve(
     administration.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
 
 
-@app.command()
-def backup(
-    archive: options.NewBackup,
-    data_dir: options.DataDir = None,
-) -> None:
-    """Back up the service's database, runs and results, even while the service runs."""
-    from app.commands import administration
-
-    administration.back_up(archive, data_dir)
-
-
-@app.command()
-def restore(
-    archive: Annotated[
-        Path, typer.Argument(metavar="BACKUP", help="Backup made by 'motorid backup'.")
-    ],
-    data_dir: options.DataDir = None,
-) -> None:
-    """Create a data directory from a backup after checking every file; nothing is overwritten."""
-    from app.commands import administration
-
-    administration.restore(archive, data_dir)
+app.command()(backup)
+app.command()(restore)
 
 
 def main(words: Sequence[str] | None = None) -> int:
