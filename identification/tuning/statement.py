@@ -83,7 +83,7 @@ def _blame(entry: Mapping[str, Any]) -> list[str]:
     first = entry["blame"][0]
     if first["rise"] < _LEAST_RISE:
         return [
-            "no single uncertainty is to blame: the motor itself, as it is known, does not allow it"
+            "no single uncertainty explains it; the gains are the best that the search found"
         ]
     name = first["parameter"]
     cause = "the temperature range" if name == "temperature" else f"the uncertainty of {name}"
