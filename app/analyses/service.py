@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 __all__ = ["APPROXIMATE", "AnalysisService", "LoopAnalysis", "TuningRequest"]
 
 APPROXIMATE: Final = (
-    "The fit has no posterior: independent draws from its medians and standard deviations are "
-    "used, so the intervals are approximate."
+    "The fit has no posterior: normal draws from its medians, standard deviations and correlations "
+    "are used, so the intervals are approximate."
 )
-"""Remark on a loop whose draws lack the correlations of the parameters."""
+"""Remark on a loop whose draws are a normal approximation."""
 
 _AT_ONCE: Final = 2
 _WAIT_S: Final = 20.0

@@ -103,7 +103,7 @@ def draws_of(result: dict[str, Any], path: Path, most: int) -> tuple[dict[str, A
 
     stored = StoredResult(result, path)
     remark = (
-        f"no posterior.nc in the directory of {path.name}: independent draws from its medians "
-        "and standard deviations are used, so the intervals of the metrics are approximate"
+        f"no posterior.nc in the directory of {path.name}: normal draws from its medians, "
+        "standard deviations and correlations are used, so the intervals are approximate"
     )
     return stored.draws(most), "" if stored.has_posterior else remark

@@ -63,9 +63,10 @@ def chain_draws(posterior: BinaryIO, most: int, name: str | None = None) -> dict
 def normal_draws(
     result: Mapping[str, Any], count: int, name: str | None = None
 ) -> dict[str, Array]:
-    """Independent draws from the medians and standard deviations of a result.
+    """Normal draws from the medians, standard deviations and correlations of a result.
 
-    The correlations of the parameters are lost, so intervals from these draws are approximate.
+    Results of earlier versions hold no correlations; their draws are independent.  Either way,
+    intervals from these draws are approximate.
 
     Args:
         result: Content of result.json.
@@ -79,8 +80,9 @@ def normal_draws(
         InputError: The result lacks a parameter.
     """
     rng = np.random.default_rng(_SEED)
+    normal = _root(result) @ rng.standard_normal((len(DECLARED_PARAMETERS), count))
     draws = {}
-    for parameter in DECLARED_PARAMETERS:
+    for k, parameter in enumerate(DECLARED_PARAMETERS):
         entry = result["parameters"].get(parameter) or {}
         centre, spread = entry.get("median"), entry.get("sd")
         if not isinstance(centre, int | float) or not isinstance(spread, int | float):
@@ -89,7 +91,7 @@ def normal_draws(
                 "instead",
                 file=name,
             )
-        steps = rng.standard_normal(count) * spread
+        steps = normal[k] * spread
         if parameter in _LOGARITHMIC:
             # The spread of an undetermined parameter would overflow the exponential.
             draws[parameter] = centre * np.exp(np.clip(steps / centre, -_WIDEST, _WIDEST))
@@ -98,3 +100,21 @@ def normal_draws(
         else:
             draws[parameter] = centre + steps
     return draws
+
+
+def _root(result: Mapping[str, Any]) -> Array:
+    """Symmetric root of the correlation matrix of the nominal parameters; identity if unknown.
+
+    Rounding to the digits of the file can leave a slightly negative eigenvalue, which counts as
+    zero.
+    """
+    matrix = np.eye(len(DECLARED_PARAMETERS))
+    entry = result.get("correlation") or {}
+    places = {name: k for k, name in enumerate(entry.get("names", ()))}
+    if places.keys() >= set(DECLARED_PARAMETERS):
+        chosen = [places[name] for name in DECLARED_PARAMETERS]
+        known = np.array(entry["matrix"], dtype=np.float64)[np.ix_(chosen, chosen)]
+        off_diagonal = ~np.eye(len(chosen), dtype=bool) & np.isfinite(known)
+        matrix[off_diagonal] = known[off_diagonal]
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(vectors @ np.diag(np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
