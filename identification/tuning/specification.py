@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -25,6 +25,8 @@ __all__ = ["METRICS", "Metric", "Specification", "parse_specification"]
 Array = NDArray[np.float64]
 
 _LEAST_SAMPLE: Final = 1e-7
+_GAIN_MARGIN: Final = 6.0
+_PHASE_MARGIN: Final = 30.0
 _MOST_DELAY: Final = 20.0
 """Largest delay [sample times]."""
 
@@ -120,6 +122,18 @@ class Specification:
     def required(self) -> dict[str, float]:
         """Limit of each required metric."""
         return {name: limit for name, limit in asdict(self).items() if name in METRICS and limit}
+
+    def with_usual_margins(self) -> Specification:
+        """Specification that requires the usual stability margins where it names none.
+
+        Source: Ogata, Modern Control Engineering, 5th ed., section 7-7: a phase margin of 30 to 60
+        degrees and a gain margin above 6 dB.
+        """
+        return replace(
+            self,
+            gain_margin=_GAIN_MARGIN if self.gain_margin is None else self.gain_margin,
+            phase_margin=_PHASE_MARGIN if self.phase_margin is None else self.phase_margin,
+        )
 
     @property
     def lag(self) -> float:

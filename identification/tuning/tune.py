@@ -48,7 +48,8 @@ def tune(
 
     Args:
         motor: Motor with draws of its parameters.
-        specification: Requirements and drive.
+        specification: Requirements and drive.  Controllers are tuned with the usual stability
+            margins where it names none.
         temperatures: Temperatures of winding and magnet [degC].
         kinds: Kinds of controllers to tune, of `KINDS`; not used if controllers are given.
         controllers: Controllers to judge instead.
@@ -63,6 +64,8 @@ def tune(
     """
     temperatures = sorted(set(checked_temperatures(temperatures)))
     _check(kinds, probability, step)
+    if not controllers:
+        specification = specification.with_usual_margins()
     thinned = motor.thinned(_DRAWS)
     reach = _reach(thinned, specification, temperatures)
     step = _default_step(reach) if step is None else float(step)

@@ -142,3 +142,19 @@ def test_refused_options_are_named_together() -> None:
             motor_of(SERVO), parse_specification("overshoot=5"),
             kinds=["XY"], probability=2.0, step=-1.0,
         )  # fmt: skip
+
+
+def test_tuned_loops_keep_the_usual_margins_if_the_specification_names_none() -> None:
+    """Fast gains alone would leave a few degrees; the usual least are 30 degrees and 6 dB."""
+    found = tune(
+        uncertain(),
+        parse_specification(f"rise_time=0.02,{DRIVE}"),
+        kinds=["PI"],
+        temperatures=(0.0, 120.0),
+        step=100.0,
+    )
+    assert found["specification"]["phase_margin"] == 30.0
+    assert found["specification"]["gain_margin"] == 6.0
+    (entry,) = found["controllers"]
+    assert entry["meets"]
+    assert min(one["phase_margin"]["q05"] for one in entry["temperatures"]) >= 30.0
