@@ -37,7 +37,7 @@ READERS: dict[str, Callable[[str], object]] = {
     "similar": lambda text: similar_to(text, "speed"),
     "words": lambda text: split_cells(text, " ", units_in_brackets=True),
     "cells": lambda text: split_cells(text, ","),
-    "number": lambda text: is_number(text, ";"),
+    "number": is_number,
     "clock": is_clock,
     "no number": lambda text: expected_instead(text, "s"),
     "map": lambda text: mapped("current_A=" + text),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -60,6 +61,10 @@ LAYOUTS = {
     .replace(b"\n", b",\n")
     .replace(b",\n", b"\n", 1),
     "quoted cells": write(record(), Dialect(quote='"')),
+    "quoted decimal commas between commas": write(record(), Dialect(",", ",", quote='"')),
+    "numbers with a decimal comma quoted": re.sub(
+        rb"([^;\n]+,[^;\n]+)", rb'"\1"', write(record(), Dialect(";", ","))
+    ).replace(b";", b","),
     "comments above": write(record(), Dialect(above=("# bench 3", "% motor 17", "// cold"))),
     "comment within": write(record()).replace(b"\n0.02,", b"\n# paused here\n0.02,"),
     "blank lines at the end": write(record(), Dialect(blank_lines_below=3)),

@@ -71,7 +71,7 @@ class CellReader:
     """
 
     def __init__(self, layout: Layout, channels: Sequence[Channel]) -> None:
-        self.decimal: str | None = "." if layout.delimiter == "," else None
+        self.decimal: str | None = None
         self.blank_line: int | None = None
         time = next((c for c in channels if c.name == "time_s"), None)
         self.clock = ClockTimes() if time is not None and _is_clock(time, layout) else None

@@ -61,14 +61,12 @@ def number_text(cell: str, decimal: str) -> str | None:
     return cell if _POINT.fullmatch(cell) else None
 
 
-def is_number(cell: str, delimiter: str) -> bool:
+def is_number(cell: str) -> bool:
     """Return True if the cell is a number with a decimal point or comma.
 
-    A decimal comma is accepted only if the comma is not the delimiter.
+    Between commas only a quoted cell contains a comma, which is then a decimal one.
     """
-    if _POINT.fullmatch(cell):
-        return True
-    return delimiter != "," and _COMMA.fullmatch(cell) is not None
+    return _POINT.fullmatch(cell) is not None or _COMMA.fullmatch(cell) is not None
 
 
 def is_number_word(cell: str) -> bool:

@@ -151,7 +151,7 @@ def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str
     best: tuple[float, str, int, int] | None = None
     for delimiter in delimiters:
         rows = [split_cells(line.text, delimiter) for line in lines]
-        shares = [_share_of_numbers(cells, delimiter) for cells in rows]
+        shares = [_share_of_numbers(cells) for cells in rows]
         counts = Counter(len(cells) for cells, share in zip(rows, shares, strict=True) if share)
         if not counts:
             continue
@@ -163,29 +163,27 @@ def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str
     return best[1:] if best else None
 
 
-def _share_of_numbers(cells: list[str], delimiter: str) -> float:
+def _share_of_numbers(cells: list[str]) -> float:
     """Fraction of the filled cells that are numbers; 0 if the line is not a sample."""
     filled = [cell for cell in cells if cell]
-    numbers = sum(1 for c in filled if is_number(c, delimiter) or is_number_word(c))
-    begins = not cells[:1] or not cells[0] or _begins_a_sample(cells[0], delimiter)
+    numbers = sum(1 for c in filled if is_number(c) or is_number_word(c))
+    begins = not cells[:1] or not cells[0] or _begins_a_sample(cells[0])
     if numbers < 2 or numbers * 2 <= len(filled) or not begins:
         return 0.0
     return numbers / len(filled)
 
 
-def _begins_a_sample(cell: str, delimiter: str) -> bool:
-    return is_number(cell, delimiter) or is_number_word(cell) or is_clock(cell)
+def _begins_a_sample(cell: str) -> bool:
+    return is_number(cell) or is_number_word(cell) or is_clock(cell)
 
 
 def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int) -> None:
     """Reject ``1,234`` if no number in the preview shows whether it means 1.234 or 1234."""
-    if delimiter == ",":
-        return
     unclear: tuple[Line, str] | None = None
     for line in lines:
         cells = split_cells(line.text, delimiter)
         for cell in cells if len(cells) == fields else ():
-            if not is_number(cell, delimiter):
+            if not is_number(cell):
                 continue
             if "." in cell or ("," in cell and not _MAYBE_THOUSANDS.fullmatch(cell)):
                 return

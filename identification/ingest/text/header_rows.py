@@ -83,7 +83,7 @@ class HeaderRows:
             if cells is None or (named and apart):
                 break
             self._refuse_long(line, cells)
-            if any(is_number(cell, self._delimiter) for cell in cells):
+            if any(is_number(cell) for cell in cells):
                 if named:
                     break
                 self._refuse_damaged_sample(line, cells, lines)
@@ -136,7 +136,7 @@ class HeaderRows:
         )
 
     def _is_number(self, cell: str) -> bool:
-        return is_number(cell, self._delimiter)
+        return is_number(cell)
 
     def _headless(self, lines: list[Line]) -> RunFileError:
         """Error for samples that have no matching row of names above them."""

@@ -182,7 +182,11 @@ class _BlockReader:
         if self._cells.clock is not None:
             return None
         known = self._cells.decimal
-        for decimal in (known,) if known else (".", ","):
+        is_comma_free = self._layout.delimiter != ","
+        if known == "," and not is_comma_free:
+            # Quoted decimal commas between commas are read cell by cell.
+            return None
+        for decimal in (known,) if known else (".", ",")[: 1 + is_comma_free]:
             columns = read_clean(text, self._layout, self._channels, decimal)
             if columns is not None:
                 if decimal.encode() in text:
