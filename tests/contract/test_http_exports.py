@@ -42,7 +42,9 @@ def test_client_writes_the_export(alice: Caller, server: Server, fit: str, tmp_p
     """The file is that of the call; an unknown format leaves none."""
     key = alice.http.headers["authorization"].removeprefix("Bearer ")
     with Client(server.url, key) as client:
-        path = client.fetch_export(fit, "csv", tmp_path / "motor.csv", temperatures=[25.0, -10.0])
+        path = client.fetch_export(fit, "csv", tmp_path / "motor.csv")
+        with pytest.raises(Problem, match="temperatures"):
+            client.fetch_export(fit, "csv", tmp_path / "none", temperatures=[25.0, -10.0])
         with pytest.raises(Problem, match="expected python-control"):
             client.fetch_export(fit, "excel", tmp_path / "none")
 

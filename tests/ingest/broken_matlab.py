@@ -71,7 +71,7 @@ def virtual(file: h5py.File) -> None:
     datasets(file)
     del file["speed_rad_s"]
     layout = h5py.VirtualLayout(shape=(40,), dtype="f8")
-    layout[:] = h5py.VirtualSource("/tmp/other.h5", "speed", shape=(40,))
+    layout[:] = h5py.VirtualSource("/elsewhere/other.h5", "speed", shape=(40,))
     file.create_virtual_dataset("speed_rad_s", layout)
 
 
