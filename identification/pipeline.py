@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from identification.checks.admission import Admission, admitted
 from identification.checks.values import check_values
-from identification.diagnosis.detection import detect
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
 from identification.effort import EFFORTS
@@ -239,8 +238,6 @@ def _identified(
         left=left,
         interrupted=was_interrupted(),
         contradicted=contradicted,
-        before=detect(declared, campaign, left.noise) if left else None,
-        after=detect(final, campaign, left.noise) if left else None,
     )
     return Identification(assemble(findings), findings)
 

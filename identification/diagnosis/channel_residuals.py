@@ -22,8 +22,7 @@ from scipy import fft, signal, stats
 
 from identification.diagnosis.residual import cross_correlation, lagged_products
 from identification.fit.autoregression import autoregression, spectrum
-from identification.fit.evaluate import simulate_fitted, simulate_unseen
-from identification.fit.initial import fitted_initial_states
+from identification.fit.evaluate import Simulated
 from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.linear import eigh, least_squares
@@ -153,29 +152,28 @@ class ChannelResiduals:
         return float(np.mean(np.abs(found.values) > quantile * np.sqrt(variance)))
 
 
-def residuals_of_training(fit: Fit) -> list[ChannelResiduals]:
-    """Residuals of current and speed over the training records."""
-    simulated = simulate_fitted(fit)
+def residuals_of_training(simulated: Sequence[Simulated]) -> list[ChannelResiduals]:
+    """Residuals of current and speed over the simulated training records."""
     none = [np.zeros((s.record.rows, 2, 0)) for s in simulated]
     return _by_channel([s.record for s in simulated], [s.residual for s in simulated], none)
 
 
 def residuals_of_validation(
-    fit: Fit, records: Sequence[Record], noise: Array
+    fit: Fit, simulated: Sequence[Simulated], noise: Array
 ) -> list[ChannelResiduals]:
     """Residuals of current and speed over the validation records; empty without records.
 
     Args:
         fit: The fit.
-        records: Validation records.
+        simulated: Validation records, simulated with the fit.
         noise: (2,) noise of both channels [A, rad/s].
     """
-    if not records:
+    if not simulated:
         return []
-    simulated = simulate_unseen(fit, records)
+    records = [one.record for one in simulated]
     simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
-    states = fitted_initial_states(simulator, fit.values, fit.weighting.deviation)
     slopes = fit.coordinates.slopes(fit.position)
+    states = [one.initial for one in simulated]
     _, tangents = tangent(simulator, fit.values, states, np.diag(slopes))
     n = fit.position.size
     spread = _spread(fit, noise)

@@ -6,7 +6,7 @@ Each test is applied to current and speed, on the training and on the validation
     whiteness      is the whitened residual autocorrelated?
     correlation    is the residual correlated with the voltage?
 
-    found = detect(fit, campaign, localise(fit).noise)
+    found = detect(fit, simulate_fitted(fit), simulate_unseen(fit, records), localise(fit).noise)
     found.missing, found.sentence
 
 *Noise level.* A residual cannot be its own reference: missing physics would count as noise and
@@ -23,6 +23,7 @@ the error caused by parameter uncertainty.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -35,7 +36,7 @@ from identification.diagnosis.channel_residuals import (
     residuals_of_training,
     residuals_of_validation,
 )
-from identification.fit.campaign import Campaign
+from identification.fit.evaluate import Simulated
 from identification.fit.solve import Fit
 
 __all__ = ["LEVEL", "ChannelCheck", "Detection", "detect"]
@@ -108,17 +109,20 @@ class Detection:
         return tuple(c for c in self.checks if (c.channel, c.role) == (channel, role))
 
 
-def detect(fit: Fit, campaign: Campaign, noise: Array) -> Detection:
+def detect(
+    fit: Fit, fitted: Sequence[Simulated], unseen: Sequence[Simulated], noise: Array
+) -> Detection:
     """Apply all residual tests to a fitted model.
 
     Args:
-        fit: The fit; its records are the training records.
-        campaign: Campaign with the validation records.
+        fit: The fit.
+        fitted: Training records, simulated with the fit.
+        unseen: Validation records, simulated with the fit.
         noise: (2,) noise of current and speed from `localise` [A, rad/s].
     """
     floor = np.asarray(noise, dtype=np.float64)
-    training = residuals_of_training(fit)
-    validation = residuals_of_validation(fit, campaign.validation, floor)
+    training = residuals_of_training(fitted)
+    validation = residuals_of_validation(fit, unseen, floor)
     questions = _QUESTIONS * (len(training) + len(validation))
     checks = [
         _check(channel, "training", left, float(floor[k]), None, LEVEL / questions)

@@ -26,10 +26,12 @@ class Simulated:
     Args:
         record: The record.
         logged: (n_sample, 2) simulated current and speed [A, rad/s].
+        initial: (n_state,) initial state.
     """
 
     record: Record
     logged: Array
+    initial: Array
 
     @property
     def residual(self) -> Array:
@@ -40,8 +42,10 @@ class Simulated:
 def simulate_fitted(fit: Fit) -> list[Simulated]:
     """Simulate the training records from their fitted initial states."""
     return [
-        Simulated(record, logged)
-        for record, logged in zip(fit.simulator.records, fit.simulated(), strict=True)
+        Simulated(record, logged, initial)
+        for record, logged, initial in zip(
+            fit.simulator.records, fit.simulated(), fit.states, strict=True
+        )
     ]
 
 
@@ -65,5 +69,6 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
         simulator = simulator.accurate(fit.values, states, deviation)
     logged = simulator.logged(fit.values[:, None], states)
     return [
-        Simulated(record, y[:, :, 0]) for record, y in zip(simulator.records, logged, strict=True)
+        Simulated(record, y[:, :, 0], initial)
+        for record, y, initial in zip(simulator.records, logged, states, strict=True)
     ]

@@ -30,9 +30,14 @@ __all__ = ["fitted_initial_states"]
 Array = NDArray[np.float64]
 
 _LEAST_HEAD: Final = 50
+_HEAD: Final = (0.1,)
+_WHOLE: Final = (0.1, 1.0)
 _GROWING: Final = (0.1, 0.3, 1.0)
-"""Fractions of a record that are fitted in turn; only the first one if the head is enough."""
+"""Fractions of a record that are fitted in turn; growing ones for an unknown phase."""
 _STEPS: Final = 4
+_NEGLIGIBLE: Final = 0.01
+"""Gain in log likelihood below which no step is taken: a state moves by 0.14 standard deviations
+at most."""
 _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.0])
 
 
@@ -46,23 +51,25 @@ def fitted_initial_states(
         values: (n_parameter,) physical values.
         deviation: (2,) noise of current and speed [A, rad/s].
         whole: Whether whole records are fitted, as for a phase that the head does not determine.
-            The fitted part then grows in steps, since an initial phase error prevents convergence
-            over a whole record.
+            Except for a temperature, the fitted part then grows in steps, since an initial phase
+            error prevents convergence over a whole record.
 
     Returns:
         For each record (n_state,).
     """
     states = tuple(initial_states(simulator.model, record) for record in simulator.records)
-    whole = whole or _has_own_temperature(simulator.model)
-    for share in _GROWING if whole else _GROWING[:1]:
+    for share in _shares(simulator.model, whole):
         states = _fitted_to_heads(simulator, values, deviation, share, states)
     return states
 
 
-def _has_own_temperature(model: MotorModel) -> bool:
-    """Whether the model has a per-record temperature state in addition to the log."""
-    bodies = [term for term in model.terms if isinstance(term, AbstractTemperature)]
-    return any(state.is_own for term in bodies for state in term.states)
+def _shares(model: MotorModel, whole: bool) -> tuple[float, ...]:
+    """Fractions of a record that are fitted in turn."""
+    own = [term for term in model.terms if any(state.is_own for state in term.states)]
+    if own and all(isinstance(term, AbstractTemperature) for term in own):
+        return _WHOLE
+    has_temperature = any(isinstance(term, AbstractTemperature) for term in own)
+    return _GROWING if whole or has_temperature else _HEAD
 
 
 def _fitted_to_heads(
@@ -79,13 +86,16 @@ def _fitted_to_heads(
     nothing = np.zeros((values.size, 0))
     short = short.roughly_accurate(values, states, deviation)
     for _ in range(_STEPS):
-        moves = []
+        moves, gain = [], 0.0
         blocks = tangent_blocks(short, values, states, nothing, rows=None)
         for k, (record, block) in enumerate(zip(heads, blocks, strict=True)):
             full, right = products(record.measured - block.logged, block.tangent, weighting, k)
             precision = state_precision(short, k)
             right = right + precision * (centres[k] - states[k])
             moves.append(solution(full + np.diag(precision), right))
+            gain = max(gain, 0.5 * float(right @ moves[k]))
+        if gain < _NEGLIGIBLE:
+            break
         if not simulator.model.terms:
             # The nominal model is linear: the full step reaches the optimum.
             states = tuple(state + move for state, move in zip(states, moves, strict=True))
@@ -93,7 +103,7 @@ def _fitted_to_heads(
         trials = [s[:, None] + m[:, None] * _SHARES for s, m in zip(states, moves, strict=True)]
         # A record that began at rest may start with a jump after the step.
         moved = [trial[:, 0] for trial in trials]
-        short = short.roughly_accurate(values, moved, deviation)
+        short = short.roughly_accurate(values, moved, deviation, rounds=1)
         best = []
         for k, y in enumerate(short.logged(np.repeat(values[:, None], _SHARES.size, 1), trials)):
             record = heads[k]

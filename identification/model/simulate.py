@@ -174,13 +174,16 @@ class Simulator:
         return self.changed_to(self.model, values)
 
     def roughly_accurate(
-        self, values: Array, states: Sequence[Array], deviation: Array
+        self, values: Array, states: Sequence[Array], deviation: Array, rounds: int = _ROUNDS
     ) -> Simulator:
         """Simulator with an error below a tenth of the noise in each sample interval.
 
-        This is sufficient to compare starting points.  The arguments are those of `accurate`.
+        This is sufficient to compare starting points.  The arguments are those of `accurate` and
+        `with_tolerance`.
         """
-        return self.with_tolerance(values, states, _ROUGH * deviation) if self.model.terms else self
+        if not self.model.terms:
+            return self
+        return self.with_tolerance(values, states, _ROUGH * deviation, rounds)
 
     def accurate(self, values: Array, states: Sequence[Array], deviation: Array) -> Simulator:
         """Simulator with the fewest substeps whose discretisation error the noise hides.

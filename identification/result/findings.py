@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.admission import Admission
-from identification.diagnosis.detection import Detection
+from identification.diagnosis.detection import Detection, detect
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.outliers import noise_without_outlying_runs, root_mean_square
 from identification.feedback.controller import AbstractController
@@ -57,8 +57,6 @@ class Findings:
         loops: Closed-loop simulations with the effects; empty if no effect acts in the loop.
         localisation: Missing voltage and torque of the nominal model, None if not estimated.
         left: Missing voltage and torque of the final model, None if not estimated.
-        before: Residual tests of the nominal model, None if not made.
-        after: Residual tests of the final model, None if not made.
         interrupted: Whether the time limit stopped a stage.
         omitted: Terms that are not in the final model and could change its parameters.
         admission: Findings of the input checks and the runs set aside, None if no check was made.
@@ -80,8 +78,6 @@ class Findings:
     loops: tuple[SimulatedLoop, ...] = ()
     localisation: Localisation | None = None
     left: Localisation | None = None
-    before: Detection | None = None
-    after: Detection | None = None
     interrupted: bool = False
     omitted: tuple[OmittedTerm, ...] = ()
     admission: Admission | None = None
@@ -97,6 +93,22 @@ class Findings:
             }
             for stage, fit in (("before", self.declared), ("after", self.final))
         }
+
+    @cached_property
+    def before(self) -> Detection | None:
+        """Residual tests of the nominal model; None without a search for effects."""
+        return self._detected(self.declared, "before")
+
+    @cached_property
+    def after(self) -> Detection | None:
+        """Residual tests of the final model; None without a search for effects."""
+        return self._detected(self.final, "after")
+
+    def _detected(self, fit: Fit, stage: str) -> Detection | None:
+        if self.left is None:
+            return None
+        runs = self.simulated[stage]
+        return detect(fit, runs["training"], runs["validation"], self.left.noise)
 
     @cached_property
     def known(self) -> dict[str, bool]:

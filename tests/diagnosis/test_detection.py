@@ -10,6 +10,7 @@ import pytest
 from identification.diagnosis.detection import LEVEL, Detection, detect
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.evaluate import simulate_fitted, simulate_unseen
 from identification.ingest.run import Run
 from tests.diagnosis.test_localise import SERVO, SIZE, cold, noisy, pushed
 from tests.motors import noiseless
@@ -18,7 +19,8 @@ from tests.motors import noiseless
 def detected(runs: list[Run], noise: np.ndarray = SIZE) -> Detection:
     """Nominal model fitted to three runs and tested on the other two."""
     campaign = campaign_of(runs[:3], runs[3:])
-    return detect(fit_declared(campaign.training, "zoh"), campaign, noise)
+    fit = fit_declared(campaign.training, "zoh")
+    return detect(fit, simulate_fitted(fit), simulate_unseen(fit, campaign.validation), noise)
 
 
 def rubbed(seed: int, friction: float) -> list[Run]:

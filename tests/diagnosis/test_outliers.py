@@ -23,7 +23,11 @@ def simulated(scales: list[tuple[float, float]]) -> list[Simulated]:
     rng = np.random.default_rng(1)
     runs = campaign(motor_named("servo 100 W"), seed=1, runs=len(scales), rows=2000)
     return [
-        Simulated(record, record.measured - rng.standard_normal((record.rows, 2)) * NOISE * scale)
+        Simulated(
+            record,
+            record.measured - rng.standard_normal((record.rows, 2)) * NOISE * scale,
+            np.zeros(2),
+        )
         for record, scale in zip(records_of(runs), scales, strict=True)
     ]
 

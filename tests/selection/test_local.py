@@ -117,8 +117,8 @@ def test_a_run_that_effects_predict_worse_is_named_with_what_to_do() -> None:
     """Errors of 3 and 1 times the noise, and the reverse."""
     (record,) = records_of(campaign(MOTOR, seed=7, runs=1, rows=800))
     noise = np.array([0.1, 1.0])
-    close = Simulated(record, record.measured + noise)
-    far = Simulated(record, record.measured + 3.0 * noise)
+    close = Simulated(record, record.measured + noise, np.zeros(2))
+    far = Simulated(record, record.measured + 3.0 * noise, np.zeros(2))
 
     (current, speed) = worse_warnings([close], [far], noise, ["load_step"])
 
