@@ -25,7 +25,7 @@ from tests.ingest.writers import workbook
 from tests.motors import campaign, motor_named
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Locator, Page
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
@@ -184,12 +184,14 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
     assert page.locator("article.pending .uplot").first.is_visible()
     walk.check()
     scope = page.locator("article.pending", has_text="scope.mat")
+    select_when_replaced(scope, "Unit of voltage", "V")
     for channel, column, unit in (
         ("voltage", "CH1", "V"), ("current", "CH2", "A"), ("speed", "CH3", "rad/s"),
     ):  # fmt: skip
         for label, text in ((f"Column of {channel}", column), (f"Unit of {channel}", unit)):
             menu = scope.get_by_label(label)
-            menu.select_option(text)
+            if label != "Unit of voltage":
+                menu.select_option(text)
             # The page has come back with the selection.
             chosen = menu.locator("option[selected]", has_text=re.compile(f"^{text}$"))
             chosen.wait_for(state="attached")
@@ -203,6 +205,23 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
     uploaded = str(shown.get_attribute("title"))
     # Kolkata is 5 h 30 min ahead of UTC.
     assert shown.inner_text()[-2:] == f"{(int(uploaded[14:16]) + 30) % 60:02d}"
+
+
+def select_when_replaced(article: Locator, label: str, text: str) -> None:
+    """Select an option in the task that next replaces an article, faster than any user."""
+    article.evaluate(
+        """(article, [label, text]) => {
+          const section = article.parentElement;
+          new MutationObserver((_, observer) => {
+            observer.disconnect();
+            const shown = document.getElementById(article.id);
+            const menu = shown.querySelector(`[aria-label="${label}"]`);
+            menu.value = text;
+            menu.dispatchEvent(new Event("change", {bubbles: true}));
+          }).observe(section, {childList: true});
+        }""",
+        [label, text],
+    )
 
 
 def start_fit(page: Page) -> None:
