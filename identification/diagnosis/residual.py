@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, special, stats
+from scipy import fft, special
 
 from identification.fit.autoregression import autoregression, spectrum
 
@@ -182,7 +182,7 @@ def whiteness(residuals: Sequence[Array], lags: int | None = None) -> Whiteness:
     known = spread > 0.0
     statistic = float(np.sum((found.values[known] / spread[known]) ** 2))
     freedom = int(np.count_nonzero(known))
-    p_value = float(stats.chi2.sf(statistic, freedom)) if freedom else 1.0
+    p_value = float(special.chdtrc(freedom, statistic)) if freedom else 1.0
     return Whiteness(statistic, freedom, p_value)
 
 
