@@ -246,7 +246,7 @@ def _names(marks: Sequence[Mark], across: Array, bottom: float) -> tuple[str, fl
             name = marks[index].motor
             short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
             longest = max(longest, len(short))
-            kind = "tick small end strong" if index in loud else "tick small end"
+            kind = "tick end strong" if index in loud else "tick end"
             parts.append(text(x + 3.5, bottom + 6, short, kind, turned=True))
     return "".join(parts), _LETTER * longest
 

@@ -14,8 +14,8 @@ from identification.result.numbers import number_text, scaled_unit, unit_power
 
 __all__ = ["history_figure"]
 
-_BOX = (66.0, 10.0, 384.0, 150.0)
-_MOST_LABELS = 5
+_BOX = (80.0, 10.0, 370.0, 150.0)
+_MOST_LABELS = 4
 
 
 def history_figure(
@@ -81,5 +81,5 @@ def _axes(frame: Frame, label: str, words: Sequence[str]) -> str:
         parts.append(text(left - 6, at + 4, word, "tick end"))
     for index in range(0, len(words), -(-len(words) // _MOST_LABELS)):
         parts.append(text(float(frame.x(index)), bottom + 14, words[index], "tick mid"))
-    parts.append(text(12, top + height / 2, label, "label mid", turned=True))
+    parts.append(text(15, top + height / 2, label, "label mid", turned=True))
     return "".join(parts)

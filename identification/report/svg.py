@@ -223,7 +223,7 @@ def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 
     if x_label:
         parts.append(text(left + width / 2, bottom + 31, x_label, "label mid"))
     if y_label:
-        parts.append(text(12, top + height / 2, y_label, "label mid", turned=True))
+        parts.append(text(15, top + height / 2, y_label, "label mid", turned=True))
     return "".join(parts)
 
 

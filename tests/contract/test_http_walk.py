@@ -2,7 +2,7 @@
 
 Every page on the way is checked in light and dark and at 1280 and 390 pixels: no message on the
 console, no request to another host, no serious accessibility finding of axe-core, no sideways
-scrolling.
+scrolling, no text below 11 pixels.
 """
 
 from __future__ import annotations
@@ -33,6 +33,14 @@ pytestmark = needs_browser
 
 AXE = (Path(__file__).parents[1] / "app" / "vendor" / "axe.min.js").read_text(encoding="utf-8")
 WIDTHS = (1280, 390)
+SMALL = """[...document.querySelectorAll("main *")].filter(element => {
+  const hasText = [...element.childNodes].some(one => one.nodeType === 3 && one.data.trim());
+  const matrix = element instanceof SVGGraphicsElement ? element.getScreenCTM() : null;
+  const scale = matrix ? Math.hypot(matrix.a, matrix.b) : 1;
+  const isShown = element.getBoundingClientRect().width > 0;
+  return hasText && isShown && scale * parseFloat(getComputedStyle(element).fontSize) < 10.95;
+}).map(element => element.textContent)"""
+"""Texts below 11 pixels, drawings included."""
 RPM = 60.0 / (2.0 * 3.141592653589793)
 
 
@@ -66,6 +74,7 @@ class Walk:
         for width in WIDTHS:
             self.page.set_viewport_size({"width": width, "height": 900})
             assert self.page.evaluate("document.documentElement.scrollWidth") == width
+            assert self.page.evaluate(SMALL) == []
         for scheme in ("dark", "light"):
             self.page.emulate_media(color_scheme=scheme)
             assert self.findings() == []

@@ -30,10 +30,10 @@ CHART: Final = re.compile(
 """Element of a chart in a report."""
 
 _KIND: Final = re.compile(r"[a-z]+[0-9]?")
-_LEFT, _RIGHT, _TOP, _BOTTOM = 66.0, 10.0, 10.0, 40.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 80.0, 10.0, 10.0, 42.0
 _KEY: Final = 18.0
-_PER_LETTER: Final = 7.6
-"""Width of a letter of the key, at least that of a wide one in bold [drawing units]."""
+_PER_LETTER: Final = 9.5
+"""Width of a letter of the key in bold where the page shows the drawing small [drawing units]."""
 _BARS: Final = 0.14
 """Height of the tallest bar over that of the plot."""
 
