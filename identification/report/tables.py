@@ -29,7 +29,7 @@ __all__ = [
     "ErrorRow",
     "FeedbackTable",
     "ParameterRow",
-    "RunRow",
+    "RunLine",
     "SamplerRow",
     "error_rows",
     "feedback_tables",
@@ -68,7 +68,7 @@ class ParameterRow:
 
 
 @dataclass(frozen=True)
-class RunRow:
+class RunLine:
     """One run: its extent, and for each channel fit, noise ratio and p-value of the whiteness."""
 
     name: str
@@ -133,7 +133,7 @@ def parameter_rows(data: ReportData) -> list[ParameterRow]:
     return rows
 
 
-def run_rows(data: ReportData) -> list[RunRow]:
+def run_rows(data: ReportData) -> list[RunLine]:
     """One row per run, in the given order."""
     return [_run_row(run, data.result["noise"]) for run in data.runs]
 
@@ -235,8 +235,8 @@ def _parameter_row(
     )
 
 
-def _run_row(run: RunTraces, noise: Entry) -> RunRow:
-    return RunRow(
+def _run_row(run: RunTraces, noise: Entry) -> RunLine:
+    return RunLine(
         name=run.name,
         role=run.role,
         rows=count_text(run.time.size),
