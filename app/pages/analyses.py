@@ -88,6 +88,7 @@ def tuning_page(
         "tuning",
         status=422 if problem else 200,
         caller=caller,
+        help=help_prefix(services),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         fields=FIELDS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Any, Final, Self
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request, Response
@@ -15,7 +15,7 @@ from app.analyses.design import DesignRequest
 from app.errors import FieldRefused, RunRefused
 from app.fits.schemas import FitSummary
 from app.http.dependencies import CallerDep, ServicesDep
-from app.pages.rendering import page
+from app.pages.rendering import help_prefix, page
 from app.pages.views import fit_view
 from identification.errors import InputError
 
@@ -87,13 +87,30 @@ def design_page(
         "design",
         status=422 if problem else 200,
         caller=caller,
+        help=help_prefix(services),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         query=urlencode(request.query_params),
         tied=[effect["name"] for effect in effects if effect.get("alternatives")],
         problem=problem,
         design=shown,
+        widths=_widths(shown) if shown else [],
     )
+
+
+def _widths(entry: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Name, unit, value, and width now and after the run of each parameter, as text."""
+    from identification.result.numbers import number_text, unit_text
+
+    return [
+        (
+            name,
+            unit_text(one["unit"]),
+            number_text(one["value"]),
+            *(number_text(one[f"width_{when}"], 3) for when in ("before", "after")),
+        )
+        for name, one in entry["parameters"].items()
+    ]
 
 
 @router.get("/fits/{fit_id}/design.csv")

@@ -89,9 +89,10 @@ def summary(proposal: Proposal) -> list[str]:
     chosen = [quantity] if quantity else _widest(proposal)
     for one in chosen:
         width = _widths(proposal, one)
+        unit = "" if one.unit in ("-", "1") else f" {one.unit}"
         sentences.append(
-            f"Expected 90 % interval of {one.name}: from {width['width_before']:.3g} to "
-            f"{width['width_after']:.3g} {one.unit} wide."
+            f"Expected 90 % interval of {one.name}: {width['width_after']:.3g}{unit} wide instead "
+            f"of {width['width_before']:.3g}{unit}."
         )
     if not quantity:
         sentences.append(f"Expected information on the parameters: {proposal.bits[0]:.1f} bits.")

@@ -22,6 +22,7 @@ from tests.motors import campaign, motor_named
 pytestmark = needs_browser
 
 SEVERAL = 6
+HTML = {"Accept": "text/html"}
 QUICKLY = {"posterior": False, "effects": False}
 
 
@@ -138,6 +139,21 @@ def test_codes_of_warnings_lead_to_their_paragraphs(bench: Bench, tmp_path: Path
     assert {link for link in links if link in linked.dom} == links
     assert "/help/" not in saved.dom.replace(report_script(saved.dom), "")
     assert_is_quiet(linked, bench.server)
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/", "/compare", "/docs", "/nowhere", "/motor?name=servo+<1>"]
+    + [
+        f"/fits/FIT{page}" for page in ("", "/loop", "/prediction", "/design", "/tuning", "/report")
+    ],
+)
+def test_every_page_leads_to_the_documentation(bench: Bench, path: str) -> None:
+    """The bar of each page has the same links."""
+    answer = httpx.get(bench.server.url + path.replace("FIT", bench.fit), headers=HTML, timeout=60)
+
+    assert '<a href="/help/">Help</a>' in answer.text
+    assert '<a href="/">Runs and fits</a>' in answer.text
 
 
 def report_script(dom: str) -> str:
