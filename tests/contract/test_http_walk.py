@@ -298,6 +298,30 @@ def cancel_a_fit(walk: Walk) -> None:
     page.reload()
     assert page.locator("progress").is_visible()
     walk.check()
+    lose_and_regain_the_service(walk)
+    stale = page.context.new_page()
+    stale.route("**/events", lambda route: route.abort())
+    stale.goto(page.url)
     with page.expect_navigation():
         page.click("text=Cancel")
     page.wait_for_selector(".state.cancelled")
+    # A second cancellation would remove the fit.
+    with stale.expect_navigation():
+        stale.click("text=Cancel")
+    stale.wait_for_selector(".state.cancelled")
+    stale.close()
+
+
+def lose_and_regain_the_service(walk: Walk) -> None:
+    """The start page says that the service does not respond, and goes on when it does."""
+    page, address = walk.page, walk.page.url
+    page.goto(walk.server.url)
+    page.context.set_offline(True)
+    problem = page.locator("#problem", has_text="does not respond")
+    problem.wait_for()
+    page.context.set_offline(False)
+    problem.wait_for(state="detached")
+    page.goto(address)
+    # The browser itself reports the lost connection on the console.
+    assert all("net::" in message for message in walk.console)
+    walk.console.clear()

@@ -23,9 +23,18 @@ export async function call(method, path, body) {
   }
   const content = answer.status === 204 ? null : await answer.json();
   if (!answer.ok) {
-    throw new Error(content.detail || `The service responded with HTTP status ${answer.status}.`);
+    const text = content.detail || `The service responded with HTTP status ${answer.status}.`;
+    throw Object.assign(new Error(text), { status: answer.status });
   }
   return { content, isNew: answer.status === 201 };
+}
+
+/** Shows a problem at the top of the page; without text, that there is none. */
+export function showProblem(text) {
+  const line = document.createElement("p");
+  line.className = "notice bad";
+  line.textContent = text ?? "";
+  document.getElementById("problem").replaceChildren(...(text ? [line] : []));
 }
 
 function duration(seconds) {
@@ -84,11 +93,17 @@ async function end(button, path, words, next) {
   if (isRemoval && !confirm(`Remove ${words}?`)) return;
   button.disabled = true;
   try {
-    await call("DELETE", path);
-    if (isRemoval) location.assign(next);
-    else location.reload();
+    // DELETE would remove what has ended since this page was loaded.
+    const isOver = !isRemoval && hasEnded((await call("GET", path)).content.status);
+    if (!isOver) await call("DELETE", path);
   } catch (error) {
-    button.disabled = false;
-    alert(error.message);
+    // 404: removed in another tab.
+    if (error.status !== 404) {
+      button.disabled = false;
+      alert(error.message);
+      return;
+    }
   }
+  if (isRemoval) location.assign(next);
+  else location.reload();
 }

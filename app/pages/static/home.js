@@ -1,6 +1,6 @@
 // Start page: shows the progress of fits and batches.
 
-import { call, hasEnded, showBatch, showProgress, wireEnds } from "/static/calls.js";
+import { call, hasEnded, showBatch, showProblem, showProgress, wireEnds } from "/static/calls.js";
 
 const WATCH_MS = 1000;
 
@@ -20,11 +20,22 @@ async function look(kind, path, show, mayReload) {
   return rows.length;
 }
 
+let isCut = false;
+
 async function watch() {
-  const batches = await look("batch", "/batches?limit=50", showBatch, true);
-  // The fits of a running batch end often, so the page reloads only after the batch has ended.
-  const fits = await look("fit", "/fits?limit=100", showProgress, batches === 0);
-  if (batches + fits) setTimeout(watch, WATCH_MS);
+  try {
+    const batches = await look("batch", "/batches?limit=50", showBatch, true);
+    // The fits of a running batch end often, so the page reloads only after the batch has ended.
+    const fits = await look("fit", "/fits?limit=100", showProgress, batches === 0);
+    if (isCut) showProblem();
+    isCut = false;
+    if (batches + fits) setTimeout(watch, WATCH_MS);
+  } catch (error) {
+    // The service may be restarting, and its fits continue after that.
+    isCut = true;
+    showProblem(error.message);
+    setTimeout(watch, 3 * WATCH_MS);
+  }
 }
 
 wireEnds("/");
