@@ -3,17 +3,10 @@
 const PREFIX = "/api/v1";
 
 /** Calls the service; returns the content of the response or throws a readable error. */
-export async function call(method, path, body) {
-  const options = { method, headers: {} };
-  if (body instanceof FormData) {
-    options.body = body;
-  } else if (body !== undefined) {
-    options.body = JSON.stringify(body);
-    options.headers["Content-Type"] = "application/json";
-  }
+export async function call(method, path) {
   let answer;
   try {
-    answer = await fetch(PREFIX + path, options);
+    answer = await fetch(PREFIX + path, { method });
   } catch {
     throw new Error("The service does not respond; check that motorid serve is running.");
   }
@@ -26,7 +19,7 @@ export async function call(method, path, body) {
     const text = content.detail || `The service responded with HTTP status ${answer.status}.`;
     throw Object.assign(new Error(text), { status: answer.status });
   }
-  return { content, isNew: answer.status === 201 };
+  return content;
 }
 
 /** Shows a problem at the top of the page; without text, that there is none. */
@@ -94,7 +87,7 @@ async function end(button, path, words, next) {
   button.disabled = true;
   try {
     // DELETE would remove what has ended since this page was loaded.
-    const isOver = !isRemoval && hasEnded((await call("GET", path)).content.status);
+    const isOver = !isRemoval && hasEnded((await call("GET", path)).status);
     if (!isOver) await call("DELETE", path);
   } catch (error) {
     // 404: removed in another tab.

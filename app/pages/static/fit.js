@@ -33,8 +33,8 @@ function follow() {
 
 async function again() {
   try {
-    const { content } = await call("GET", `/fits/${page.dataset.fit}`);
-    if (hasEnded(content.status)) location.reload();
+    const { status } = await call("GET", `/fits/${page.dataset.fit}`);
+    if (hasEnded(status)) location.reload();
     else follow();
   } catch (error) {
     if (error.status === 404) location.reload();

@@ -8,8 +8,8 @@ const WATCH_MS = 1000;
 async function look(kind, path, show, mayReload) {
   const rows = [...document.querySelectorAll(`[data-${kind}]`)].filter((row) => !hasEnded(row.dataset.status));
   if (rows.length === 0) return 0;
-  const { content } = await call("GET", path);
-  const found = new Map(content.items.map((item) => [item.id, item]));
+  const { items } = await call("GET", path);
+  const found = new Map(items.map((item) => [item.id, item]));
   let ended = 0;
   for (const row of rows) {
     const now = found.get(row.dataset[kind]);
