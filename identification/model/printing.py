@@ -215,7 +215,7 @@ class _Printer:
         if kind == "neg":
             return f"<mo>−</mo>{self.text(children[0], _PRODUCT)}", _SUM
         if kind == "not":
-            return f"<mtext>not </mtext>{self.text(children[0], _ATOM)}", _RELATION
+            return f"<mtext>not&#160;</mtext>{self.text(children[0], _ATOM)}", _RELATION
         if kind == "exp":
             return f"<msup><mi>e</mi>{inside[0]}</msup>", _POWER
         if kind == "sqrt":
@@ -227,8 +227,8 @@ class _Printer:
             kind = "cases"
         if kind == "cases":
             rows = (
-                f"<mtr><mtd>{inside[1]}</mtd><mtd><mtext> if </mtext>{inside[0]}</mtd></mtr>"
-                f"<mtr><mtd>{inside[2]}</mtd><mtd><mtext> otherwise</mtext></mtd></mtr>"
+                f"<mtr><mtd>{inside[1]}</mtd><mtd><mtext>&#160;if&#160;</mtext>{inside[0]}</mtd></mtr>"
+                f"<mtr><mtd>{inside[2]}</mtd><mtd><mtext>&#160;otherwise</mtext></mtd></mtr>"
             )
             return f"<mo>{{</mo><mtable>{rows}</mtable>", _RELATION
         arguments = "<mo>,</mo>".join(inside)
