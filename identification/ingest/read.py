@@ -30,6 +30,7 @@ from identification.ingest.channels import Channel, similar_columns
 from identification.ingest.clipping import find_clipped
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
+from identification.ingest.faults import Faults
 from identification.ingest.file import Limits, RunFile, naming, open_run_file, unpacked
 from identification.ingest.formats import FORMAT_READERS
 from identification.ingest.frame import Frame
@@ -190,6 +191,7 @@ def _values(
     channels: dict[str, Channel], samples: Samples, locator: SourceLocator
 ) -> tuple[dict[str, Array], list[RunWarning]]:
     """Channels in SI units, with an increasing time and an angle without jumps."""
+    _refuse_not_finite(channels, samples, locator)
     warnings: list[RunWarning] = []
     values: dict[str, Array] = {}
     clock = samples.cells["time_s"]
@@ -214,26 +216,34 @@ def _values(
     return values, warnings
 
 
+def _refuse_not_finite(
+    channels: dict[str, Channel], samples: Samples, locator: SourceLocator
+) -> None:
+    """Reject infinities, and blanks of channels that must not have any, all at once."""
+    faults = Faults()
+    for name, channel in channels.items():
+        cells = samples.cells[name]
+        blank = np.isnan(cells)
+        faulty = np.isinf(cells) if channel.may_be_blank else np.isinf(cells) | blank
+        for sample in np.flatnonzero(faulty).tolist():
+            row = locator.row(sample)
+            infinite = not_finite(str(cells[sample]), channel, row)
+            faults.add(blank_cell(channel, row) if blank[sample] else infinite)
+    faults.refuse()
+
+
 def _filled(
     channel: Channel, cells: Array, clock: Array, locator: SourceLocator
 ) -> tuple[Array | None, list[RunWarning]]:
     """Fill the blanks of a channel logged at a lower rate by linear interpolation over time.
 
     A motor's temperature changes over minutes, so linear interpolation is closer to it than a
-    sample-and-hold.  Before the first and after the last value the nearest value is held.  In all
-    other channels a blank is an error, and so is an infinity in any channel.
+    sample-and-hold.  Before the first and after the last value the nearest value is held.
     """
     finite = np.isfinite(cells)
     if np.all(finite):
         return cells, []
-    blank = np.isnan(cells)
-    faulty = np.flatnonzero(~finite & ~blank if channel.may_be_blank else ~finite)
-    if faulty.size:
-        sample = int(faulty[0])
-        row = locator.row(sample)
-        if blank[sample]:
-            raise blank_cell(channel, row)
-        raise not_finite(str(cells[sample]), channel, row)
+    blank = ~finite
     known = np.flatnonzero(finite)
     if not known.size:
         return None, []

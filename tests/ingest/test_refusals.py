@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import numpy as np
+import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from identification import errors
 from identification.ingest import Limits, read_run
 from tests.ingest.broken_tables import BROKEN_TABLES, Refusal
 from tests.ingest.broken_values import BROKEN_VALUES
-from tests.ingest.samples import record, write
+from tests.ingest.samples import CANONICAL, record, write
 
 FILES = (*BROKEN_TABLES, *BROKEN_VALUES)
 
@@ -77,3 +82,97 @@ def test_file_over_a_limit_is_refused_with_the_limit(
 
     with pytest.raises(errors.FileTooLarge, match=words):
         read_run(path, limits=limits)
+
+
+def with_cells(faulty: dict[tuple[int, int], str], rows: int = 40) -> bytes:
+    """Canonical file with other texts in some cells, by sample and position of the column."""
+    lines = [line.split(",") for line in write(record(rows)).decode().splitlines()]
+    for (sample, column), text in faulty.items():
+        lines[sample + 1][column] = text
+    return "".join(",".join(cells) + "\n" for cells in lines).encode()
+
+
+@given(
+    faulty=st.dictionaries(
+        st.tuples(st.integers(0, 39), st.integers(0, 4)),
+        st.sampled_from(["fault", "NaN", "1.2.3", "1e999"]),
+        min_size=1,
+        max_size=12,
+    )
+)
+@settings(max_examples=40, deadline=None)
+def test_one_error_reports_every_column_and_kind_of_fault(
+    faulty: dict[tuple[int, int], str],
+) -> None:
+    """Expected are the cells that were broken: each column and kind once, with its first line."""
+    first: dict[tuple[str, str], int] = {}
+    for (sample, column), text in sorted(faulty.items()):
+        kind = "not_a_number" if text in ("fault", "1.2.3") else "not_finite"
+        first.setdefault((kind, CANONICAL[column]), sample + 2)
+
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "run.csv")
+        path.write_bytes(with_cells(faulty))
+        with pytest.raises(errors.RunFileError) as caught:
+            read_run(path)
+
+    reported = [caught.value, *caught.value.further]
+    assert {(e.code, e.column): e.row for e in reported if isinstance(e, errors.RunFileError)} == (
+        first
+    )
+    assert len(reported) == len(first)
+    assert caught.value.row == min(first.values())
+
+
+def test_faulty_cells_of_a_column_are_listed_by_ranges_of_lines(tmp_path: Path) -> None:
+    """A sensor is disconnected over samples 5 to 20, on lines 7 to 22; cell 30 holds a word."""
+    faulty = {(sample, 2): "NaN" for sample in range(5, 21)} | {(30, 2): "fault", (31, 2): "-"}
+    path = tmp_path / "run.csv"
+    path.write_bytes(with_cells(faulty))
+
+    with pytest.raises(errors.NotFinite) as caught:
+        read_run(path)
+
+    assert "row 7, column current_A: 'NaN' is not a finite number" in str(caught.value)
+    assert "the same in rows 8 to 22 ('NaN')" in str(caught.value)
+    assert "row 32, column current_A: 'fault' is not a number" in str(caught.value)
+    assert "the same in row 33 ('-')" in str(caught.value)
+
+
+def test_reading_stops_where_a_file_has_too_many_faults(tmp_path: Path) -> None:
+    """The limit is 10,000 faults: two cells of 5,000 lines, of which the first is line 2."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(with_cells({(k, column): "-" for k in range(6000) for column in (1, 2)}, 6000))
+
+    with pytest.raises(
+        errors.NotANumber, match="stopped at row 5001, after 10000 faults"
+    ) as caught:
+        read_run(path)
+
+    assert [error.column for error in caught.value.further] == ["current_A"]
+    assert len(str(caught.value)) < 1500
+
+
+def test_faults_above_a_truncated_last_line_are_reported_without_it(tmp_path: Path) -> None:
+    """The last line lost its last cells with the power; line 5 holds a word."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(with_cells({(3, 1): "fault"}).rsplit(b",", 2)[0])
+
+    with pytest.raises(errors.NotANumber) as caught:
+        read_run(path)
+
+    assert (caught.value.row, caught.value.further) == (5, ())
+
+
+def test_frame_with_missing_values_is_refused_with_all_of_them() -> None:
+    """Rows are those of the index: no voltage in rows 5 to 7, infinite current in row 9."""
+    frame = pd.DataFrame(record())
+    frame.loc[5:7, "voltage_V"] = np.nan
+    frame.loc[9, "current_A"] = -np.inf
+
+    with pytest.raises(errors.MissingValue) as caught:
+        read_run(frame)
+
+    assert "row 5, column voltage_V: the cell is blank" in str(caught.value)
+    assert "the same in rows 6 to 7" in str(caught.value)
+    assert "row 9, column current_A: '-inf' is not a finite number" in str(caught.value)

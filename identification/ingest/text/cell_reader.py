@@ -1,7 +1,7 @@
 """Cell-by-cell reader of sample lines, for blocks that the fast path declines.
 
-Handles quoted cells, blank lines and comment lines, and reports the first invalid cell with its
-line number.  Much slower than the fast path: about 20 us per line.
+Handles quoted cells, blank lines and comment lines, and collects the invalid lines and cells with
+their line numbers.  Much slower than the fast path: about 20 us per line.
 """
 
 from __future__ import annotations
@@ -16,9 +16,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import MissingValue, NotANumber, RaggedRow, UnclosedQuote, WrongUnit
+from identification.errors import (
+    MissingValue,
+    NotANumber,
+    RaggedRow,
+    RunFileError,
+    UnclosedQuote,
+    WrongUnit,
+)
 from identification.ingest.channels import Channel
 from identification.ingest.display import quoted
+from identification.ingest.faults import Faults
 from identification.ingest.reader import blank_cell, not_finite
 from identification.ingest.text.cells import (
     expected_instead,
@@ -66,20 +74,22 @@ class CellReader:
 
     Attributes:
         decimal: Decimal sign of the file, or None until a number has shown it.
-        blank_line: Line number of the first row whose cells are all blank, or None.
+        blank_line: Line number of the first row of the last blank rows, or None.
+        faults: Invalid lines and cells of the file so far.
         clock: Reader of the times if the first one is a time of day, else None.
     """
 
     def __init__(self, layout: Layout, channels: Sequence[Channel]) -> None:
         self.decimal: str | None = None
         self.blank_line: int | None = None
+        self.faults = Faults()
         time = next((c for c in channels if c.name == "time_s"), None)
         self.clock = ClockTimes() if time is not None and _is_clock(time, layout) else None
         self._layout = layout
         self._channels = channels
 
     def read(self, text: bytes, first_line: int, lines: SampleLines) -> list[Array]:
-        """Read whole lines; the first invalid cell raises.
+        """Read whole lines; one with an invalid cell is added to `faults` and is no sample.
 
         Args:
             text: Encoded lines.
@@ -90,8 +100,7 @@ class CellReader:
             (n_sample,) for each channel, NaN at a blank cell.
 
         Raises:
-            RunFileError: A line has the wrong number of fields or an unclosed quotation mark, or a
-                cell is blank or not a finite number.
+            RunFileError: The file has too many faults to go on.
         """
         columns = [array("d") for _ in self._channels]
         whole = text.decode("utf-8", "replace")
@@ -105,10 +114,12 @@ class CellReader:
             if not any(cells):
                 self.blank_line = self.blank_line or number
                 continue
-            self.refuse_blank_above()
-            self._check_fields(line, cells, number)
-            for column, channel in zip(columns, self._channels, strict=True):
-                column.append(self._number(cells[channel.column.index], channel, number))
+            self.note_blank_above()
+            values = self._values(line, cells, number)
+            if len(values) < len(columns):
+                continue
+            for column, value in zip(columns, values, strict=True):
+                column.append(value)
             lines.extend(number, 1)
         return [np.frombuffer(c, dtype=np.float64) if c else np.empty(0) for c in columns]
 
@@ -116,24 +127,43 @@ class CellReader:
         """Split a line into its cells, at least one."""
         return split_cells(line, self._layout.delimiter) or [""]
 
-    def _check_fields(self, line: str, cells: list[str], number: int) -> None:
+    def _values(self, line: str, cells: list[str], number: int) -> list[float]:
+        """Values of the valid cells of a line; its faults are recorded."""
+        fault = self._fields_error(line, cells, number)
+        if fault is not None:
+            self.faults.add(fault)
+            return []
+        values: list[float] = []
+        for channel in self._channels:
+            try:
+                values.append(self._number(cells[channel.column.index], channel, number))
+            except RunFileError as error:
+                self.faults.add(error)
+        return values
+
+    def _fields_error(self, line: str, cells: list[str], number: int) -> RunFileError | None:
         if line.count('"') % 2:
-            raise UnclosedQuote("a quotation mark is not closed on its line; remove it", row=number)
+            return UnclosedQuote(
+                "a quotation mark is not closed on its line; remove it", row=number
+            )
         if len(cells) != self._layout.fields:
-            raise RaggedRow(
+            return RaggedRow(
                 f"the line has {len(cells)} fields, expected {self._layout.fields} as in the first "
                 "sample; write one line for each sample with a cell for each column",
                 row=number,
-                value=len(cells),
+                value=f"{len(cells)} fields",
             )
+        return None
 
-    def refuse_blank_above(self) -> None:
-        """Reject blank rows above a sample; they may only end the table."""
+    def note_blank_above(self) -> None:
+        """Record blank rows above a sample as a fault; they may only end the table."""
         if self.blank_line is not None:
-            raise MissingValue(
+            blank = MissingValue(
                 "all cells are blank; expected a sample; remove the line or fill it",
                 row=self.blank_line,
             )
+            self.blank_line = None
+            self.faults.add(blank)
 
     def _seconds(self, clock: ClockTimes, cell: str, channel: Channel, line: int) -> float:
         seconds = clock.seconds(cell)

@@ -89,4 +89,4 @@ def expected_instead(cell: str, unit: str) -> str:
             f"{wrong} in this file; use one decimal sign throughout the file "
             "and no thousands separators"
         )
-    return f"{wrong}; expected a plain number in {unit}"
+    return f"{wrong}; expected a plain number in {unit}; correct the cell or remove its line"

@@ -11,6 +11,7 @@ import numpy as np
 from identification.errors import MissingValue, NoRows, NotANumber, RaggedRow, UnclosedQuote
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, read_columns
+from identification.ingest.faults import Faults
 from identification.ingest.file import Limits, RunFile
 from identification.ingest.reader import Samples
 from identification.ingest.run import Array, RunWarning
@@ -28,6 +29,7 @@ __all__ = ["TextReader", "TextTable", "open_text"]
 _LINES_BEFORE = 20
 _BYTES_BEFORE = 20_000
 _PIECE_BYTES = 100_000
+_OF_A_CUT_LINE = (RaggedRow, NotANumber, MissingValue, UnclosedQuote)
 
 
 class TextReader:
@@ -85,12 +87,13 @@ class TextTable:
 
         Raises:
             NoRows: There is no sample.
-            RunFileError: A line or a cell is faulty.
+            RunFileError: Lines or cells are faulty; the error reports all of them.
         """
         cells = [c for c in channels if c.column.index < self._layout.fields]
         reader = _BlockReader(self._layout, cells)
         for block in self._blocks:
             reader.add(block)
+        reader.refuse_faults()
         if not reader.lines.total:
             raise NoRows(
                 "no sample below the header; expected one line for each sample",
@@ -149,6 +152,10 @@ class _BlockReader:
         line = block.first_line + block.text.count(b"\n")
         self._read_unterminated(block.text[cut:], line, before)
 
+    def refuse_faults(self) -> None:
+        """Raise one error with all faulty lines and cells of the file, if there are any."""
+        self._cells.faults.refuse()
+
     def cells(self) -> dict[str, Array]:
         """All samples read so far; the reader gives up its copy."""
         cells = {}
@@ -172,7 +179,7 @@ class _BlockReader:
         if columns is None:
             columns = self._cells.read(text, first_line, self.lines)
         else:
-            self._cells.refuse_blank_above()
+            self._cells.note_blank_above()
             self.lines.extend(first_line, columns[0].size)
         for parts, column in zip(self._parts, columns, strict=True):
             parts.append(column)
@@ -205,13 +212,17 @@ class _BlockReader:
         if len(self._last_cell(text)) < usual:
             self.cut_line = line
             return
-        try:
-            self._read(text, line)
-        except (RaggedRow, NotANumber, MissingValue, UnclosedQuote):
-            # A complete line with an error must not pass as truncated.
-            if self._cells.blank_line is not None or self._is_whole(text):
-                raise
+        earlier, self._cells.faults = self._cells.faults, Faults()
+        is_below_blank = self._cells.blank_line is not None
+        self._read(text, line)
+        found, self._cells.faults = self._cells.faults.errors(), earlier
+        # A complete line with an error must not pass as truncated.
+        is_cut = all(isinstance(error, _OF_A_CUT_LINE) for error in found)
+        if found and is_cut and not is_below_blank and not self._is_whole(text):
             self.cut_line = line
+            return
+        for error in found:
+            earlier.add(error)
 
     def _last_cell(self, text: bytes) -> str:
         return self._cells.split(text.decode("utf-8", "replace"))[-1]
