@@ -5,10 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 
-__all__ = ["Example", "as_json"]
+__all__ = ["Example", "as_json", "of_file"]
 
 Example = Mapping[str, object]
 """Mapping of columns to channels: ``{"speed_rad_s": {"column": "n", "unit": "rpm"}}``."""
+
+
+def of_file(file: str, example: Example) -> Example:
+    """The mapping restricted to one file, as a fault in its cells may not be one of other files."""
+    return {"files": {file: example}}
 
 
 def as_json(examples: Sequence[Example]) -> str:

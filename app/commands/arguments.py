@@ -18,7 +18,7 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -199,10 +199,17 @@ def map_arguments(examples: Sequence[Mapping[str, Any]]) -> str:
     Args:
         examples: Mappings of an `InputError`.
     """
-    return " or ".join(
-        " ".join(f"--map {shlex.quote(_map_text(*entry))}" for entry in example.items())
-        for example in examples
-    )
+    return " or ".join(" ".join(_map_options(example)) for example in examples)
+
+
+def _map_options(example: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """The ``--map`` options of one mapping, of which those of single files have a prefix."""
+    for channel, entry in example.items():
+        if channel == "files":
+            for file, entries in entry.items():
+                yield from _map_options(entries, f"{file}:")
+        else:
+            yield f"--map {shlex.quote(prefix + _map_text(channel, entry))}"
 
 
 def _map_text(channel: str, entry: Mapping[str, Any] | str | None) -> str:

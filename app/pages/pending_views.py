@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -46,8 +47,7 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         "facts": [] if summary is None else _facts(summary),
         "errors": [
             {
-                "text": error["message"]
-                + (", or select it below" if error.get("examples") else ""),
+                "text": error["message"] + _remedy(error.get("examples", [])),
                 "code": error["code"],
             }
             for error in preview["errors"]
@@ -61,6 +61,17 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         "has_columns": bool(row.found["columns"]),
         "has_plot": summary is not None,
     }
+
+
+def _remedy(examples: Sequence[Mapping[str, Any]]) -> str:
+    """Remedy on the page for a fault that a mapping corrects."""
+    if not examples:
+        return ""
+    text = json.dumps(examples[0], ensure_ascii=False)
+    # The page has fields for all of a mapping except the period.
+    if '"period":' in text:
+        return f", or upload it by HTTP with the mapping {text}"
+    return ", or select it below"
 
 
 def _facts(summary: Mapping[str, Any]) -> list[str]:

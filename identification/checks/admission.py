@@ -97,6 +97,8 @@ def _refusal(findings: Sequence[Finding], options: FitOptions) -> ContradictoryR
     """Error that lists all findings and the possible remedies."""
     count = f"{len(findings)} contradictions" if len(findings) > 1 else "1 contradiction"
     ways = "correct the runs"
+    if any(f.corrections for f in findings):
+        ways += f" with {both_ways('map')}"
     if not options.set_aside and any(f.separable for f in findings):
         ways += f", exclude the named runs with {both_ways('set_aside')}"
     elif options.set_aside:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import AmbiguousAngle
+from identification.examples import of_file
 from identification.ingest.channels import Channel
 from identification.ingest.run import Array, RunWarning, SourceLocator
 from identification.ingest.timing import find_gaps
@@ -91,17 +92,21 @@ def _found_period(
         return fits[0]
     if not fits and size[at] <= max(0.5 * span, 0.5 * turn):
         return None
+    entry = {
+        "column": channel.column.label,
+        "scale": channel.scale,
+        "unit": channel.unit.name,
+    }
     periods_text = " or ".join(f"{p:.6g}" for p in fits) or "an unknown value"
     raise locator.error(
         AmbiguousAngle,
         f"the angle jumps from {cells[at]:.6g} to {cells[at + 1]:.6g}, so its period is "
-        f"{periods_text}; give the period in the unit of the cells with "
-        f"--map '{locator.file}:{channel.name}={channel.column.label} * {channel.scale:.12g} in "
-        f"{channel.unit.name} mod PERIOD', such as 360 for degrees or 65536 for a counter of 16 "
-        "bit, or cut the run at the jump",
+        f"{periods_text}; expected a known period in the unit of the cells, such as 360 for "
+        "degrees or 65536 for a counter of 16 bit; cut the run at the jump",
         channel.name,
         at + 1,
         float(cells[at + 1]),
+        [of_file(locator.file, {channel.name: {**entry, "period": "PERIOD"}})],
     )
 
 

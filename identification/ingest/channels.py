@@ -6,8 +6,7 @@ ambiguous column, or a missing, unknown or wrong unit, is an error with examples
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from identification.errors import (
@@ -23,6 +22,7 @@ from identification.errors import (
 from identification.examples import Example
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain, quoted
+from identification.ingest.faults import collected, refuse_all
 from identification.ingest.mapping import OPTIONAL_CHANNELS, ChannelMapping
 from identification.ingest.names import similar_to
 from identification.ingest.units import (
@@ -84,7 +84,7 @@ def assign_channels(
     errors: list[RunFileError] = []
     for name, entry in mapping.items():
         if entry.column is not None:
-            with _collected(errors):
+            with collected(errors):
                 found[name] = _mapped(entry, columns)
     taken = {channel.column.index for channel in found.values()}
     free = [column for column in columns if column.index not in taken]
@@ -92,7 +92,7 @@ def assign_channels(
     for name in CHANNEL_QUANTITIES:
         if name in mapping:
             continue
-        with _collected(errors):
+        with collected(errors):
             candidates = _candidates(name, free)
             if candidates:
                 found[name] = _unambiguous(name, candidates)
@@ -103,21 +103,8 @@ def assign_channels(
         missing.remove("speed_rad_s")
     if missing:
         errors.append(_missing(missing, free, columns))
-    if errors:
-        errors[0].further = tuple(errors[1:])
-        raise errors[0]
+    refuse_all(errors)
     return {name: found[name] for name in CHANNEL_QUANTITIES if name in found}
-
-
-@contextmanager
-def _collected(errors: list[RunFileError]) -> Iterator[None]:
-    """Append an error to a list, so that the other channels are examined too."""
-    try:
-        yield
-    except RunFileError as error:
-        # A column with two faults concerns several channels with one message.
-        if str(error) not in map(str, errors):
-            errors.append(error)
 
 
 def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:

@@ -1,13 +1,15 @@
-"""Invalid lines and cells of one file, collected so that one error reports all of them."""
+"""Faults of one file, collected so that one error reports all of them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from identification.errors import RunFileError
 from identification.ingest.display import quoted
 
-__all__ = ["Faults"]
+__all__ = ["Faults", "collected", "refuse_all"]
 
 _SHOWN = 4
 """Further ranges of rows listed for each column and kind of fault."""
@@ -93,5 +95,26 @@ class Faults:
         errors = self.errors()
         if errors:
             errors[0].message += remark
-            errors[0].further = tuple(errors[1:])
-            raise errors[0]
+        refuse_all(errors)
+
+
+@contextmanager
+def collected(errors: list[RunFileError]) -> Iterator[None]:
+    """Append an error to a list, so that the other channels are examined too."""
+    try:
+        yield
+    except RunFileError as error:
+        # A column with two faults concerns several channels with one message.
+        if str(error) not in map(str, errors):
+            errors.append(error)
+
+
+def refuse_all(errors: Sequence[RunFileError]) -> None:
+    """Raise the first error, if there is one, with the others as `further`.
+
+    Raises:
+        RunFileError: There are errors.
+    """
+    if errors:
+        errors[0].further = tuple(errors[1:])
+        raise errors[0]

@@ -15,7 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.errors import AbsurdValue
+from identification.errors import AbsurdValue, RunFileError
+from identification.examples import Example, of_file
+from identification.ingest.faults import collected, refuse_all
 from identification.ingest.polarity import check_polarity
 from identification.ingest.run import Array, RunWarning, SourceLocator
 
@@ -83,7 +85,10 @@ _OTHER_UNITS = {
 
 # Range of motor temperatures in kelvin, from cold room to hot winding [K].
 _KELVIN = (250.0, 430.0)
-_NAMED_RATIOS = ((60.0 / (2.0 * math.pi), "rpm"), (180.0 / math.pi, "degrees per second"))
+_NAMED_RATIOS = (
+    (60.0 / (2.0 * math.pi), "rpm", "rpm"),
+    (180.0 / math.pi, "degrees per second", "deg/s"),
+)
 _RATIO_TOLERANCE = 0.03
 
 
@@ -95,10 +100,13 @@ def check_values(
     Raises:
         AbsurdValue: A value is outside the possible range, or two channels contradict each other.
     """
+    errors: list[RunFileError] = []
     for name, signal in channels.items():
-        if name == "temperature_degC":
-            _refuse_kelvin(signal, locator)
-        yield from _check_bounds(name, signal, locator)
+        with collected(errors):
+            if name == "temperature_degC":
+                _refuse_kelvin(signal, locator)
+            yield from _check_bounds(name, signal, locator)
+    refuse_all(errors)
     yield from _check_movement(channels, locator)
     yield from check_polarity(channels, time, locator)
     yield from _check_same(channels, locator)
@@ -106,12 +114,11 @@ def check_values(
         yield from _check_position(channels["position_rad"], channels["speed_rad_s"], time, locator)
 
 
-def _correction(name: str, locator: SourceLocator, unit: str) -> str:
-    """Command-line option that reads a channel of this file in another unit."""
-    origin = locator.derived.get(name)
-    if origin is not None:
-        return f"--map '{locator.file}:{origin}={locator.columns[origin]} * SCALE'"
-    return f"--map '{locator.file}:{name}={locator.columns[name]} in {unit}'"
+def _correction(name: str, locator: SourceLocator, unit: str) -> Example:
+    """Mapping that reads a channel of this file, or the origin of a derived one, otherwise."""
+    origin = locator.derived.get(name, name)
+    remedy = {"unit": unit} if origin == name else {"scale": "SCALE"}
+    return of_file(locator.file, {origin: {"column": locator.columns[origin], **remedy}})
 
 
 def _hint(name: str, locator: SourceLocator) -> str:
@@ -126,10 +133,11 @@ def _refuse_kelvin(temperature: Array, locator: SourceLocator) -> None:
         raise locator.error(
             AbsurdValue,
             f"the temperatures from {low:.4g} to {high:.4g} degC are probably in kelvin; "
-            f"give the unit in the header or with {_correction('temperature_degC', locator, 'K')}",
+            "give the unit in the header",
             "temperature_degC",
             0,
             low,
+            [_correction("temperature_degC", locator, "K")],
         )
 
 
@@ -144,11 +152,11 @@ def _check_bounds(name: str, signal: Array, locator: SourceLocator) -> Iterator[
             AbsurdValue,
             f"{value:.6g} {unit} is impossible for a brushed motor; expected "
             f"{bounds.possible[0]:g} to {bounds.possible[1]:g} {unit}; {_hint(name, locator)} "
-            "Correct the value, or the unit with "
-            f"{_correction(name, locator, _OTHER_UNITS[name])}",
+            "Correct the value or the header",
             name,
             sample,
             value,
+            [_correction(name, locator, _OTHER_UNITS[name])],
         )
     unusual = (signal < bounds.usual[0]) | (signal > bounds.usual[1])
     if np.any(unusual):
@@ -209,15 +217,16 @@ def _check_position(
     if weight == 0.0 or np.ptp(position) == 0.0 or float(np.sum(np.abs(expected))) < 1.0:
         return
     slope = float(np.sum(expected * steps[sound])) / weight
-    for factor, unit in _NAMED_RATIOS:
+    for factor, unit, symbol in _NAMED_RATIOS:
         if slope > 0.0 and abs(1.0 / slope / factor - 1.0) < _RATIO_TOLERANCE:
             raise locator.error(
                 AbsurdValue,
                 f"the integral of the speed is {1.0 / slope:.4g} times the change of position, so "
-                f"the speed is in {unit}; give its unit in the header or in a mapping",
+                f"the speed is in {unit}; give its unit in the header",
                 "speed_rad_s",
                 0,
                 1.0 / slope,
+                [_correction("speed_rad_s", locator, symbol)],
             )
     if not abs(slope - 1.0) < 0.2:  # also if it is NaN
         yield locator.warning(

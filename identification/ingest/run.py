@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import TypeVar
@@ -18,6 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from identification.errors import RunFileError
+from identification.examples import Example
 
 __all__ = ["Array", "Run", "RunWarning", "Source", "SourceLocator", "write_run"]
 
@@ -67,7 +68,13 @@ class SourceLocator:
     derived: Mapping[str, str] = field(default_factory=dict)
 
     def error(
-        self, kind: type[Error], message: str, channel: str, sample: int, value: object
+        self,
+        kind: type[Error],
+        message: str,
+        channel: str,
+        sample: int,
+        value: object,
+        examples: Sequence[Example] = (),
     ) -> Error:
         """Make an error of class `kind` located at one cell."""
         return kind(
@@ -76,6 +83,7 @@ class SourceLocator:
             row=self.row(sample),
             column=self.columns.get(channel, channel),
             value=value,
+            examples=examples,
         )
 
     def warning(

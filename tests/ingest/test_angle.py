@@ -121,7 +121,7 @@ def test_logged_speed_is_not_replaced(tmp_path: Path) -> None:
 
 def test_jump_by_an_unknown_period_is_refused(tmp_path: Path) -> None:
     """No turn and no counter has 50000 counts; the message says how to give the period."""
-    with pytest.raises(errors.AmbiguousAngle, match="mod PERIOD"):
+    with pytest.raises(errors.AmbiguousAngle, match='"period": "PERIOD"'):
         read(tmp_path, "count", np.mod(counts(), 50000.0), mapped())
 
     run = read(tmp_path, "count", np.mod(counts(), 50000.0), mapped(period=50000))

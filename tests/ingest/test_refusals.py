@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from identification import errors
 from identification.ingest import Limits, read_run
 from tests.ingest.broken_tables import BROKEN_TABLES, Refusal
-from tests.ingest.broken_values import BROKEN_VALUES
-from tests.ingest.samples import CANONICAL, record, write
+from tests.ingest.broken_values import BROKEN_VALUES, IN_RPM
+from tests.ingest.samples import CANONICAL, changed, record, write
 
 FILES = (*BROKEN_TABLES, *BROKEN_VALUES)
 
@@ -36,6 +36,35 @@ def test_broken_file_is_refused_with_its_named_error(tmp_path: Path, refusal: Re
     assert str(caught.value).startswith("run3.csv")
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 1500
+    # A reader does not know whether its user is at the command line, in a notebook or at the page.
+    assert "--map" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "channel"),
+    [
+        (changed(temperature_degC=np.linspace(293.0, 310.0, 40)), "temperature_degC"),
+        (changed(voltage_V=record()["voltage_V"] * 1e3), "voltage_V"),
+        (changed(current_A=np.linspace(-3e4, 3e4, 40)), "current_A"),
+        (changed(speed_rad_s=np.linspace(0.0, 1e5, 40)), "speed_rad_s"),
+        (write(IN_RPM), "speed_rad_s"),
+    ],
+)
+def test_mapping_of_the_error_reads_a_file_in_another_unit(
+    tmp_path: Path, content: bytes, channel: str
+) -> None:
+    """Each file has one channel in K, mV, mA or rpm; the mapping shown names that unit."""
+    path = tmp_path / "run3.csv"
+    path.write_bytes(content)
+    with pytest.raises(errors.AbsurdValue) as caught:
+        read_run(path)
+    [example] = caught.value.examples
+
+    run = read_run(path, mapping=example)
+
+    assert run.sources[channel].unit != channel.split("_", 1)[1].replace("_", "/")
+    with pytest.raises(errors.AbsurdValue):
+        read_run(path, name="run4.csv", mapping=example)
 
 
 def test_table_of_broken_files_covers_every_error_that_a_file_can_cause() -> None:
@@ -90,6 +119,20 @@ def with_cells(faulty: dict[tuple[int, int], str], rows: int = 40) -> bytes:
     for (sample, column), text in faulty.items():
         lines[sample + 1][column] = text
     return "".join(",".join(cells) + "\n" for cells in lines).encode()
+
+
+def test_impossible_values_of_several_channels_are_reported_at_once() -> None:
+    """Voltage in mV and current in units of 10 uA: each error has its own channel and mapping."""
+    columns = record()
+    columns["voltage_V"] = columns["voltage_V"] * 1e3
+    columns["current_A"] = columns["current_A"] * 1e5
+
+    with pytest.raises(errors.AbsurdValue) as caught:
+        read_run(pd.DataFrame(columns))
+
+    found = [caught.value, *caught.value.further]
+    assert [error.column for error in found] == ["voltage_V", "current_A"]
+    assert all(error.examples for error in found)
 
 
 @given(

@@ -142,6 +142,28 @@ def test_option_of_the_message_reads_the_file(
     assert content["runs"][0]["channels"]["current_A"]["scale"] == 2.0
 
 
+def test_option_of_the_message_reads_cells_in_another_unit(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The temperature of one of two files is in kelvin: the option shown is for that file."""
+    rows = run_files[0].read_text(encoding="utf-8").splitlines()
+    at = rows[0].split(",").index("temperature_degC")
+    cells = [row.split(",") for row in rows[1:]]
+    for row in cells:
+        row[at] = f"{float(row[at]) + 273.15:.9f}"
+    kelvin = tmp_path / "kelvin.csv"
+    kelvin.write_text("\n".join([rows[0], *map(",".join, cells)]) + "\n", encoding="utf-8")
+
+    assert main(["check", str(run_files[1]), str(kelvin)]) == 2
+    [option] = re.findall(
+        r"give the unit in the header, or give (--map '[^']*')", capsys.readouterr().err
+    )
+    assert option == "--map 'kelvin.csv:temperature_degC=temperature_degC in K'"
+    main(["check", str(run_files[1]), str(kelvin), *shlex.split(option), "--json"])
+
+    assert not json.loads(capsys.readouterr().out)["errors"]
+
+
 def test_next_command_repeats_the_mapping(
     run_files: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
