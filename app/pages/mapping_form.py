@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from app.errors import FieldRefused
 
-__all__ = ["CHANNELS", "mapping_from"]
+__all__ = ["CHANNELS", "OPTIONAL", "mapping_from"]
 
 CHANNELS: Final = {
     "time_s": "Time",
@@ -17,8 +17,13 @@ CHANNELS: Final = {
     "speed_rad_s": "Speed",
     "temperature_degC": "Temperature",
     "position_rad": "Shaft angle",
+    "duty": "Duty cycle",
+    "bus_voltage_V": "Bus voltage",
 }
 """Channels with the names that the pages show."""
+
+OPTIONAL: Final = ("temperature_degC", "position_rad", "duty", "bus_voltage_V")
+"""Channels that a run may lack."""
 
 
 def mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -39,8 +44,7 @@ def mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[st
     for channel in CHANNELS:
         column, was = (form.get(f"{channel}.{field}", "") for field in ("column", "was"))
         if not column:
-            is_optional = channel in ("temperature_degC", "position_rad")
-            if is_optional and (was or earlier.get(channel, "") is None):
+            if channel in OPTIONAL and (was or earlier.get(channel, "") is None):
                 mapping[channel] = None
             continue
         entry: dict[str, Any] = {"column": column}

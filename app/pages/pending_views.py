@@ -6,11 +6,13 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from app.pages.mapping_form import CHANNELS
+from app.pages.mapping_form import CHANNELS, OPTIONAL
 from app.pages.views import duration, span
 from app.tables import PendingRow
 
 __all__ = ["pending_list_view", "pending_view"]
+
+_FACTORS = ("duty", "bus_voltage_V")
 
 _STATES = {
     "ready": "ready",
@@ -39,6 +41,8 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         state = "unreadable"
     suggested = {name: {"column": title} for name, title in row.found["suggested"].items()}
     chosen = preview["mapping"] if summary is not None else suggested | (row.mapping or {})
+    # Duty and bus voltage stand for a voltage without a column of its own.
+    is_product = "voltage_V" not in chosen
     return {
         "id": row.id,
         "file": row.file,
@@ -55,8 +59,15 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         "findings": [_finding(finding) for finding in preview["findings"]],
         "warnings": [] if summary is None else summary["warnings"],
         "channels": [
-            _channel(name, chosen.get(name) or {}, row.found["columns"], summary)
+            _channel(
+                name,
+                chosen.get(name) or {},
+                row.found["columns"],
+                summary,
+                is_required=name not in OPTIONAL and not (name == "voltage_V" and "duty" in chosen),
+            )
             for name in CHANNELS
+            if name not in _FACTORS or is_product
         ],
         "has_columns": bool(row.found["columns"]),
         "has_plot": summary is not None,
@@ -97,10 +108,12 @@ def _channel(
     entry: Mapping[str, Any],
     columns: Sequence[Mapping[str, Any]],
     summary: Mapping[str, Any] | None,
+    *,
+    is_required: bool,
 ) -> dict[str, Any]:
     """Fields of one channel, with the options of its menus."""
     # Lazy import: numpy would slow down every start.
-    from identification.ingest.units import CHANNEL_QUANTITIES, UNITS
+    from identification.ingest.units import UNITS, canonical_unit
 
     column, unit = entry.get("column", ""), entry.get("unit", "")
     titles = list(dict.fromkeys(column["title"] for column in columns))
@@ -116,11 +129,11 @@ def _channel(
         "column": column,
         "titles": titles,
         "unit": unit,
-        "units": [u.name for u in UNITS if u.quantity == CHANNEL_QUANTITIES[name]],
+        "units": [u.name for u in UNITS if u.quantity == canonical_unit(name).quantity],
         "header_unit": header,
         "is_negative": scale < 0.0,
         "factor": f"{abs(scale):.12g}",
         "offset": f"{float(entry.get('offset', 0.0)):.12g}",
         "range": span(name, found["min"], found["max"]) if found else "",
-        "is_required": name not in ("temperature_degC", "position_rad"),
+        "is_required": is_required,
     }

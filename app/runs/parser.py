@@ -14,7 +14,7 @@ import numpy as np
 from app.fork_server.child import Answers, ProcessLimits, confine
 from identification.errors import RunFileError
 from identification.ingest import Column, Limits, Run, read_run
-from identification.ingest.channels import similar_columns
+from identification.ingest.column_errors import similar_columns
 from identification.ingest.listing import list_columns
 from identification.ingest.units import CHANNEL_QUANTITIES
 

@@ -153,6 +153,6 @@ def with_speed(
         locator.file,
         {**locator.columns, "speed_rad_s": channel.column.label},
         lambda sample: locator.row(int(kept[sample])),
-        {"speed_rad_s": channel.name},
+        {**locator.derived, "speed_rad_s": channel.name},
     )
     return found, moved, locator.warning("speed_from_angle", note, channel.name)

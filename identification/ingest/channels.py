@@ -12,28 +12,31 @@ from dataclasses import dataclass
 from identification.errors import (
     AmbiguousColumn,
     AmbiguousUnit,
-    DuplicateColumn,
     MappingError,
     MissingColumn,
     RunFileError,
-    UnknownUnit,
     WrongUnit,
 )
-from identification.examples import Example
+from identification.ingest.column_errors import (
+    duplicate_columns,
+    example,
+    missing_columns,
+    scaled_example,
+    unknown_unit,
+)
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.faults import collected, refuse_all
 from identification.ingest.mapping import OPTIONAL_CHANNELS, ChannelMapping
-from identification.ingest.names import similar_to
 from identification.ingest.units import (
     CHANNEL_QUANTITIES,
+    FACTOR_QUANTITIES,
     Unit,
     accepted_spellings,
     canonical_unit,
-    unit_in_another_case,
 )
 
-__all__ = ["Channel", "assign_channels", "similar_columns"]
+__all__ = ["Channel", "assign_channels"]
 
 
 @dataclass(frozen=True)
@@ -72,25 +75,23 @@ def assign_channels(
         mapping: User-defined mapping by canonical name.
 
     Returns:
-        Channels by canonical name, without the optional ones that have no column, and without the
-        speed where only an angle is logged.
+        Channels by canonical name, without the optional ones that have no column, without the
+        speed where only an angle is logged, and with duty and bus voltage in place of a voltage
+        that is not logged.
 
     Raises:
         MissingColumn: Required channels have no column; one message covers all of them.
         RunFileError: A column is duplicated or ambiguous, or its unit is missing, unknown or wrong;
             the errors of all other channels are its `further`.
     """
-    found: dict[str, Channel] = {}
     errors: list[RunFileError] = []
-    for name, entry in mapping.items():
-        if entry.column is not None:
-            with collected(errors):
-                found[name] = _mapped(entry, columns)
+    found = _mapped_channels(columns, mapping, errors)
     taken = {channel.column.index for channel in found.values()}
     free = [column for column in columns if column.index not in taken]
     missing = []
+    is_product = _is_product(mapping)
     for name in CHANNEL_QUANTITIES:
-        if name in mapping:
+        if name in mapping or (is_product and name == "voltage_V"):
             continue
         with collected(errors):
             candidates = _candidates(name, free)
@@ -101,21 +102,69 @@ def assign_channels(
     if "position_rad" in found and "speed_rad_s" in missing:
         # The speed is derived from the angle.
         missing.remove("speed_rad_s")
+    if "voltage_V" in missing or is_product:
+        earlier = len(errors)
+        factors: dict[str, Channel] = {}
+        with collected(errors):
+            factors = _factors(mapping, found, free)
+        found |= factors
+        if factors or len(errors) > earlier:
+            missing = [name for name in missing if name != "voltage_V"]
     if missing:
-        errors.append(_missing(missing, free, columns))
+        errors.append(missing_columns(missing, free, columns))
     refuse_all(errors)
-    return {name: found[name] for name in CHANNEL_QUANTITIES if name in found}
+    known = (*CHANNEL_QUANTITIES, *FACTOR_QUANTITIES)
+    return {name: found[name] for name in known if name in found}
 
 
-def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
-    """Columns that resemble the channel; for messages only."""
-    quantity = CHANNEL_QUANTITIES[name]
-    return [
-        column
-        for column in columns
-        if any(similar_to(text, quantity) for text in column.texts)
-        or (column.unit is not None and column.unit.quantity == quantity and not column.texts)
-    ]
+def _mapped_channels(
+    columns: Sequence[Column], mapping: Mapping[str, ChannelMapping], errors: list[RunFileError]
+) -> dict[str, Channel]:
+    found: dict[str, Channel] = {}
+    for name, entry in mapping.items():
+        if entry.column is not None:
+            with collected(errors):
+                found[name] = _mapped(entry, columns)
+    return found
+
+
+def _is_product(mapping: Mapping[str, ChannelMapping]) -> bool:
+    """Whether the mapping gives the voltage as duty and bus voltage.
+
+    Raises:
+        MappingError: It also gives the voltage itself.
+    """
+    given = [name for name in FACTOR_QUANTITIES if name in mapping and mapping[name].column]
+    if given and "voltage_V" in mapping:
+        raise MappingError(
+            f"the mapping gives both voltage_V and {given[0]}; expected voltage_V alone, or duty "
+            "and bus_voltage_V, whose product is the voltage"
+        )
+    return bool(given)
+
+
+def _factors(
+    mapping: Mapping[str, ChannelMapping], mapped: Mapping[str, Channel], free: Sequence[Column]
+) -> dict[str, Channel]:
+    """Duty and bus voltage, whose product is the voltage; empty if one of them has no column.
+
+    Raises:
+        RunFileError: One is ambiguous or has no valid unit, or the mapping gives one alone.
+    """
+    free_names = [name for name in FACTOR_QUANTITIES if name not in mapping]
+    candidates = {name: _candidates(name, free) for name in free_names}
+    absent = [name for name, columns in candidates.items() if not columns]
+    if absent and _is_product(mapping):
+        raise MissingColumn(
+            f"no column for {absent[0]}, and the mapping gives the voltage as duty times bus "
+            "voltage; map both",
+            column=absent[0],
+            examples=[example(absent[0], None)],
+        )
+    found = {name: mapped[name] for name in FACTOR_QUANTITIES if name in mapped}
+    if not absent:
+        found |= {name: _unambiguous(name, columns) for name, columns in candidates.items()}
+    return found if len(found) == len(FACTOR_QUANTITIES) else {}
 
 
 def _mapped(entry: ChannelMapping, columns: Sequence[Column]) -> Channel:
@@ -128,7 +177,7 @@ def _mapped(entry: ChannelMapping, columns: Sequence[Column]) -> Channel:
             value=title,
         )
     if len(matches) > 1:
-        raise _duplicate(matches)
+        raise duplicate_columns(matches)
     column = matches[0]
     unit = _mapped_unit(entry, column)
     return Channel(entry.channel, column, unit, entry.scale, entry.offset, entry.period)
@@ -166,10 +215,10 @@ def _candidates(name: str, columns: Sequence[Column]) -> list[Column]:
     """Columns whose name matches the channel; an exact canonical name excludes all others."""
     exact = [column for column in columns if column.canonical == name]
     if len(exact) > 1:
-        raise _duplicate(exact)
+        raise duplicate_columns(exact)
     if exact:
         return exact
-    quantity = CHANNEL_QUANTITIES[name]
+    quantity = (CHANNEL_QUANTITIES | FACTOR_QUANTITIES)[name]
     named = [column for column in columns if quantity in column.quantities]
     # An ambiguous name counts only if no column has an unambiguous one.
     sure = [column for column in named if len(column.quantities) == 1]
@@ -181,35 +230,35 @@ def _candidates(name: str, columns: Sequence[Column]) -> list[Column]:
 def _unambiguous(name: str, candidates: list[Column]) -> Channel:
     if len(candidates) > 1:
         if len({column.title for column in candidates}) == 1:
-            raise _duplicate(candidates)
+            raise duplicate_columns(candidates)
         raise AmbiguousColumn(
             f"{listed(column.title for column in candidates)} are all possible for {name}; "
             "rename all except one",
             column=candidates[0].label,
-            examples=[_example(name, candidates[0])],
+            examples=[example(name, candidates[0])],
         )
     return Channel(name, candidates[0], _unit(name, candidates[0]))
 
 
 def _unit(name: str, column: Column) -> Unit:
     """Unit from the header of a column, checked against the quantity of the channel."""
-    quantity = CHANNEL_QUANTITIES[name]
+    quantity = canonical_unit(name).quantity
     accepted = accepted_spellings(quantity)
     if column.has_contradictory_units:
         raise AmbiguousUnit(
             f"the header gives two units, {listed(column.unit_texts)}; remove one",
             column=column.label,
-            examples=[_example(name, column)],
+            examples=[example(name, column)],
         )
     if not column.unit_texts:
         raise AmbiguousUnit(
             f"the column may be {name}, but has no unit; write one of {accepted} in the header",
             column=column.label,
-            examples=[_example(name, column)],
+            examples=[example(name, column)],
         )
     unit = column.unit
     if unit is None:
-        raise _unknown_unit(name, column, accepted)
+        raise unknown_unit(name, column, accepted)
     if unit.quantity != quantity:
         raise WrongUnit(
             f"{unit.name} is a unit of {unit.quantity}, and {name} needs a unit of {quantity} "
@@ -217,71 +266,6 @@ def _unit(name: str, column: Column) -> Unit:
             f"{unit.name}; correct the unit",
             column=column.label,
             value=column.unit_texts[0],
-            examples=[_scaled(name, column)],
+            examples=[scaled_example(name, column)],
         )
     return unit
-
-
-def _unknown_unit(name: str, column: Column, accepted: str) -> RunFileError:
-    text = column.unit_texts[0]
-    other_case = unit_in_another_case(text)
-    hint = f" (case-sensitive; did you mean {other_case.name}?)" if other_case else ""
-    return UnknownUnit(
-        f"the unit {quoted(text)} is unknown{hint}; write one of {accepted} for {name}",
-        column=column.label,
-        value=text,
-        examples=[_scaled(name, column), *([{name: None}] if name in OPTIONAL_CHANNELS else [])],
-    )
-
-
-def _missing(names: list[str], free: list[Column], columns: Sequence[Column]) -> RunFileError:
-    """One error for all channels without a column, each with its similar columns."""
-    similar = {name: similar_columns(name, free) for name in names}
-    found = "; ".join(
-        f"{name} may be {listed(c.title for c in columns)}" if columns else f"{name} has none"
-        for name, columns in similar.items()
-    )
-    likely = [name for name in names if similar[name]] or names[:1]
-    examples: list[Example] = [
-        {
-            channel: entry
-            for name in likely
-            for channel, entry in _example(name, next(iter(similar[name]), None)).items()
-        }
-    ]
-    angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
-    hint = ""
-    if angles:
-        hint = (
-            " (the speed may be derived from an angle or encoder count, "
-            f"{quoted(angles[0].title)} mapped to position_rad)"
-        )
-        examples.append(_scaled("position_rad", angles[0], "RAD_PER_COUNT"))
-    return MissingColumn(
-        f"no column for {', '.join(names)}; similar columns: {found}; the file has "
-        f"{listed(column.title for column in columns)}; log the missing channel{hint}",
-        column=names[0],
-        examples=examples,
-    )
-
-
-def _duplicate(columns: Sequence[Column]) -> RunFileError:
-    positions = ", ".join(str(column.index + 1) for column in columns)
-    return DuplicateColumn(
-        f"the columns {positions} have the same name; rename all except the one to use",
-        column=columns[0].label,
-    )
-
-
-def _example(name: str, column: Column | None) -> Example:
-    """Mapping of a channel to a column in its unit, else in the SI unit."""
-    unit = canonical_unit(name)
-    if column is not None and column.unit is not None and column.unit.quantity == unit.quantity:
-        unit = column.unit
-    title = plain(column.title, 80) if column else "HEADER TEXT"
-    return {name: {"column": title, "unit": unit.name}}
-
-
-def _scaled(name: str, column: Column, factor: str = "NUMBER") -> Example:
-    """Mapping of a channel to a column that is multiplied by a factor only the user knows."""
-    return {name: {"column": plain(column.title, 80), "scale": factor}}

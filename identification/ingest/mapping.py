@@ -5,7 +5,8 @@
      "position_rad": null}
 
 ``cell * scale + offset`` is the value in the given unit; null omits an optional channel.  The
-``period`` of a position is the change of the cell after which it starts again.  The key
+``period`` of a position is the change of the cell after which it starts again.  The keys ``duty``
+and ``bus_voltage_V`` together replace ``voltage_V``, which is then their product.  The key
 ``table`` selects a sheet, group or variable of a file that holds several tables.  The key ``files``
 holds mappings of single files by name; they override the common mapping:
 
@@ -31,6 +32,7 @@ from identification.ingest.display import listed, plain, quoted
 from identification.ingest.file import naming
 from identification.ingest.units import (
     CHANNEL_QUANTITIES,
+    FACTOR_QUANTITIES,
     Unit,
     accepted_spellings,
     canonical_unit,
@@ -188,14 +190,15 @@ def _object_without_repeats(pairs: list[tuple[str, object]]) -> dict[str, object
 
 
 def _channel(channel: object, entry: object) -> ChannelMapping:
-    if channel not in CHANNEL_QUANTITIES:
+    known = (*CHANNEL_QUANTITIES, *FACTOR_QUANTITIES)
+    if channel not in known:
         raise MappingError(
-            f"{quoted(str(channel))} is no channel; expected {', '.join(CHANNEL_QUANTITIES)}",
+            f"{quoted(str(channel))} is no channel; expected {', '.join(known)}",
             value=channel,
         )
     name = str(channel)
     if entry is None:
-        if name not in OPTIONAL_CHANNELS:
+        if name not in (*OPTIONAL_CHANNELS, *FACTOR_QUANTITIES):
             raise MappingError(f"{name} is required and cannot be omitted")
         return ChannelMapping(name, None)
     if not isinstance(entry, Mapping):
@@ -224,7 +227,7 @@ def _channel(channel: object, entry: object) -> ChannelMapping:
 def _unit(channel: str, text: object) -> Unit | None:
     if text is None:
         return None
-    quantity = CHANNEL_QUANTITIES[channel]
+    quantity = canonical_unit(channel).quantity
     unit = find_unit(text) if isinstance(text, str) else None
     if unit is None:
         raise UnknownUnit(

@@ -49,6 +49,10 @@ _NAME_LISTS = {
     "temperature": "temperature, temp, t, theta, ϑ, temperatur",
     "angle": "position, pos, angle, theta, phi, φ, θ, encoder position, encoder angle, winkel, "
     "drehwinkel, geberwinkel, rotorlage, wellenlage",
+    "duty": "duty, duty cycle, dutycycle, duty ratio, pwm, pwm duty, pwm duty cycle, tastgrad, "
+    "tastverhältnis, aussteuerung",
+    "bus voltage": "bus voltage, v bus, u bus, link voltage, supply voltage, battery voltage, vbus, ubus, vdc, "
+    "udc, vbat, ubat, vsupply, zwischenkreisspannung, versorgungsspannung, batteriespannung",
 }
 NAMES = {quantity: tuple(names.split(", ")) for quantity, names in _NAME_LISTS.items()}
 """Accepted names of each quantity, in lower case; docs/run-files.md prints them."""
@@ -112,7 +116,7 @@ def read_header(text: str) -> HeaderText:
         return HeaderText(quantity, canonical_unit(channel).name, channel)
     whole = find_unit(text)
     # A single letter is as often a name as a unit: V, A, s, t, i.  Those need a mapping.
-    if whole is not None and len(text) > 1:
+    if whole is not None and len(text) > 1 and whole.quantity != "duty":
         return HeaderText(frozenset({whole.quantity}), text)
     for form in (_in_brackets, _after_word, _as_suffix, _after_slash):
         found = form(text)

@@ -26,10 +26,12 @@ from identification.errors import (
     TooFewRows,
 )
 from identification.ingest.angle import unwrapped, with_speed
-from identification.ingest.channels import Channel, similar_columns
+from identification.ingest.channels import Channel
 from identification.ingest.clipping import find_clipped
+from identification.ingest.column_errors import similar_columns
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
+from identification.ingest.duty import voltage_source, with_voltage
 from identification.ingest.faults import Faults
 from identification.ingest.file import Limits, RunFile, naming, open_run_file, unpacked
 from identification.ingest.formats import FORMAT_READERS
@@ -148,6 +150,10 @@ def _run(
     locator = SourceLocator(file.name, labels, samples.row)
     values, warnings = _values(channels, samples, locator)
     sources = {name: _source(channel, samples.methods) for name, channel in channels.items()}
+    if "duty" in channels:
+        values, locator, note = with_voltage(values, locator)
+        warnings.append(note)
+        sources["voltage_V"] = voltage_source(sources["duty"], sources["bus_voltage_V"])
     if "speed_rad_s" not in channels:
         values, locator, note = with_speed(values, channels["position_rad"], locator)
         _refuse_few(values["time_s"].size, locator.row)

@@ -104,8 +104,9 @@ class Source:
     """Source column of a channel; its value in `unit` is ``cell * scale + offset``.
 
     `method` is ``linear`` or ``hold`` for a channel brought to the clock of another one,
-    ``difference`` for a speed derived from the angle, else None.  `period` is the change of the
-    cell after which an angle starts again.
+    ``difference`` for a speed derived from the angle, ``duty`` for a voltage that is duty cycle
+    times bus voltage, else None.  `period` is the change of the cell after which an angle starts
+    again.
     """
 
     header: str
@@ -118,7 +119,7 @@ class Source:
     @property
     def origin(self) -> str | None:
         """Channel from which this one is derived; None for a logged one."""
-        return {"difference": "position_rad"}.get(self.method or "")
+        return {"difference": "position_rad", "duty": "duty"}.get(self.method or "")
 
     def entry(self) -> dict[str, object]:
         """The source as plain data: the keys of a mapping, with period and method if any."""

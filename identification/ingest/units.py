@@ -23,6 +23,7 @@ from identification.quantities import CHANNEL_UNITS
 
 __all__ = [
     "CHANNEL_QUANTITIES",
+    "FACTOR_QUANTITIES",
     "UNITS",
     "Unit",
     "accepted_spellings",
@@ -41,6 +42,11 @@ CHANNEL_QUANTITIES = {
     "position_rad": "angle",
 }
 
+FACTOR_QUANTITIES = {"duty": "duty", "bus_voltage_V": "bus voltage"}
+"""Columns whose product is the voltage where no motor voltage is logged."""
+
+_FACTOR_UNITS = {"duty": "ratio", "bus_voltage_V": "V"}
+
 
 @dataclass(frozen=True)
 class Unit:
@@ -48,7 +54,7 @@ class Unit:
 
     Args:
         name: Spelling used in messages and mappings.
-        quantity: Physical quantity, one of the values of `CHANNEL_QUANTITIES`.
+        quantity: Physical quantity, one of the values of `CHANNEL_QUANTITIES`, or ``duty``.
         factor: SI units per unit.
         shift: Offset added to the cell before the factor [this unit].
         symbols: Case-sensitive spellings, separated by blanks.
@@ -95,6 +101,8 @@ UNITS = (
     Unit("mrad", "angle", 1e-3),
     Unit("deg", "angle", _TURN / 360.0, symbols="°", words="degree degrees"),
     Unit("rev", "angle", _TURN, words="turn turns revolution revolutions"),
+    Unit("ratio", "duty", words="fraction pu p.u."),
+    Unit("%", "duty", 1e-2, words="percent pct"),
 )
 """All accepted units; docs/run-files.md prints them and a test keeps both equal."""
 
@@ -136,8 +144,8 @@ def unit_in_another_case(text: str) -> Unit | None:
 
 
 def canonical_unit(channel: str) -> Unit:
-    """SI unit of a channel of `CHANNEL_UNITS`."""
-    return _EXACT[normalise_unit(CHANNEL_UNITS[channel])]
+    """SI unit of a channel of `CHANNEL_UNITS`, or of a factor of the voltage."""
+    return _EXACT[normalise_unit((CHANNEL_UNITS | _FACTOR_UNITS)[channel])]
 
 
 def accepted_spellings(quantity: str) -> str:

@@ -25,7 +25,7 @@ from identification.ingest.file import Limits
 from identification.ingest.given import RunLike, each_given, run_of
 from identification.ingest.mapping import OPTIONAL_CHANNELS, MappingLike
 from identification.ingest.run import Run, Source
-from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit
+from identification.ingest.units import CHANNEL_QUANTITIES, FACTOR_QUANTITIES, canonical_unit
 from identification.model.excitation import Record
 from identification.preview.excitation import Excitation, excitation_of, joined
 from identification.preview.prospects import Prospect, interval_of, prospects_of
@@ -85,7 +85,7 @@ class Preview:
             return {}
         common: dict[str, object] = {}
         single: dict[str, dict[str, object]] = {}
-        for name in CHANNEL_QUANTITIES:
+        for name in (*CHANNEL_QUANTITIES, *FACTOR_QUANTITIES):
             # Runs may have the same name.
             entries = [(run.name, _mapped(run.sources.get(name))) for run in self.runs]
             first = entries[0][1]

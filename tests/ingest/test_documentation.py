@@ -10,7 +10,7 @@ from identification import errors
 from identification.ingest import Limits
 from identification.ingest.names import NAMES
 from identification.ingest.plausibility import BOUNDS
-from identification.ingest.units import CHANNEL_QUANTITIES, UNITS
+from identification.ingest.units import CHANNEL_QUANTITIES, FACTOR_QUANTITIES, UNITS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "run-files.md").read_text(encoding="utf-8")
@@ -41,7 +41,7 @@ def test_page_lists_every_unit_with_its_spellings() -> None:
 
 def test_page_lists_every_name() -> None:
     """The expected rows are built from the table of names."""
-    for channel, quantity in CHANNEL_QUANTITIES.items():
+    for channel, quantity in (CHANNEL_QUANTITIES | FACTOR_QUANTITIES).items():
         assert f"| `{channel}` | {ticked(NAMES[quantity])} |" in PAGE
 
 

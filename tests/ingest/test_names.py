@@ -60,20 +60,24 @@ def test_header_without_unit_has_none(text: str) -> None:
         "1st motor velocity",
         "m1vel",
         "speed_set_rpm",
-        "battery voltage [V]",
         "CH1",
         "",
         "x" * 9999,
         "Sollspannung [V]",
-        "Batteriespannung [V]",
         "Solldrehzahl [1/min]",
         "Gehäusetemperatur [°C]",
         "motort",
     ],
 )
 def test_header_that_is_no_exact_name_has_no_quantity(text: str) -> None:
-    """A number, a set point, another voltage, no name at all."""
+    """A number, a set point, no name at all."""
     assert describe_column(0, [text]).quantities == frozenset()
+
+
+@pytest.mark.parametrize("text", ["battery voltage [V]", "Batteriespannung [V]", "V_bus (V)"])
+def test_voltage_of_the_supply_is_not_that_of_the_motor(text: str) -> None:
+    """A chopper lies between them."""
+    assert "voltage" not in describe_column(0, [text]).quantities
 
 
 @pytest.mark.parametrize(

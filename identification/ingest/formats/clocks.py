@@ -29,7 +29,7 @@ __all__ = ["Clock", "Signal", "SignalTable", "join"]
 
 _RATE_RATIO = 1.5
 _MEASURED = ("voltage_V", "current_A", "speed_rad_s")
-_HELD = ("voltage_V",)
+_HELD = ("voltage_V", "duty", "bus_voltage_V")
 
 
 class Clock:
@@ -169,13 +169,15 @@ def join(groups: Mapping[str, Sequence[Signal]]) -> list[Signal]:
 
 def _base(clocks: Mapping[str, Array]) -> str:
     """Channel whose clock is used."""
-    fast = [name if name in clocks else "position_rad" for name in _MEASURED]
+    voltage_name = "voltage_V" if "voltage_V" in clocks else "duty"
+    stand_ins = {"voltage_V": "duty", "speed_rad_s": "position_rad"}
+    fast = [name if name in clocks else stand_ins[name] for name in _MEASURED]
     intervals = {n: float(np.median(np.diff(clocks[n]))) for n in fast if clocks[n].size > 1}
     if not intervals:
-        return _MEASURED[0]
+        return voltage_name
     fastest = min(intervals, key=lambda name: intervals[name])
-    voltage = intervals.get("voltage_V", np.inf)
-    return "voltage_V" if voltage <= _RATE_RATIO * intervals[fastest] else fastest
+    voltage = intervals.get(voltage_name, np.inf)
+    return voltage_name if voltage <= _RATE_RATIO * intervals[fastest] else fastest
 
 
 def _check_lengths(
