@@ -51,8 +51,9 @@ _NAME_LISTS = {
     "drehwinkel, geberwinkel, rotorlage, wellenlage",
     "duty": "duty, duty cycle, dutycycle, duty ratio, pwm, pwm duty, pwm duty cycle, tastgrad, "
     "tastverhältnis, aussteuerung",
-    "bus voltage": "bus voltage, v bus, u bus, link voltage, supply voltage, battery voltage, vbus, ubus, vdc, "
-    "udc, vbat, ubat, vsupply, zwischenkreisspannung, versorgungsspannung, batteriespannung",
+    "bus voltage": "bus voltage, v bus, u bus, link voltage, supply voltage, battery voltage, "
+    "vbus, ubus, vdc, udc, vbat, ubat, vsupply, zwischenkreisspannung, versorgungsspannung, "
+    "batteriespannung",
 }
 NAMES = {quantity: tuple(names.split(", ")) for quantity, names in _NAME_LISTS.items()}
 """Accepted names of each quantity, in lower case; docs/run-files.md prints them."""
