@@ -25,7 +25,7 @@ from identification.fit.noise import effective_fraction
 from identification.model.declared import DECLARED
 from identification.model.excitation import Record
 from identification.preview.excitation import Excitation
-from identification.preview.sampling import rounded_up, sampling_advice
+from identification.preview.sampling import passed_unseen, rounded_up, sampling_advice
 from identification.selection.subset import informative_segments
 
 __all__ = ["Prospect", "interval_of", "prospects_of"]
@@ -90,12 +90,14 @@ def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Pros
     # The information grows with the number of samples.
     gain = math.sqrt(rows / used)
     relative = {name: p.sd / gain / abs(p.estimate) for name, p in precision.items() if p.estimate}
-    faster = sampling_advice({n: p.estimate for n, p in precision.items()}, interval_of(records))
+    values, interval = {n: p.estimate for n, p in precision.items()}, interval_of(records)
+    faster, unseen = sampling_advice(values, interval), passed_unseen(values, interval)
     found = []
     for parameter in DECLARED:
         bound = precision[parameter.name]
         # A bound far beyond the criterion is only rounding of an undetermined direction.
-        sd = bound.sd / gain if bound.sd < _NO_INFORMATION * bound.limit else np.inf
+        is_known = bound.sd < _NO_INFORMATION * bound.limit and parameter.name not in unseen
+        sd = bound.sd / gain if is_known else np.inf
         # An estimate of zero, such as of a friction at its bound, cannot be identified.
         lacking = sd / bound.limit if bound.limit > 0.0 else np.inf
         advice = ""

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-__all__ = ["rounded_up", "sampling_advice", "sampling_note"]
+__all__ = ["passed_unseen", "rounded_up", "sampling_advice", "sampling_note"]
 
 _WANTED: Final = {"L": 5.0, "J": 20.0}
 """Advised number of samples in the time constant that determines the parameter."""
@@ -48,6 +48,21 @@ def sampling_advice(values: Mapping[str, float], interval: float) -> dict[str, s
     return dict.fromkeys(("Ra25", "Kt25", "J", "b", "L"), advice[max(rates, key=rates.__getitem__)])
 
 
+def passed_unseen(values: Mapping[str, float], interval: float) -> frozenset[str]:
+    """Parameters that cannot be identified at this rate, as the mechanical transient passes unseen.
+
+    An electrical transient alone leaves its trace in the speed, from which a fit determines L.
+    Where the mechanical one passes within an interval, too, J and L follow from the instants of
+    the voltage steps alone: a step between two samples changes them by orders of magnitude.
+
+    Args:
+        values: Estimates of the nominal parameters [their units].
+        interval: Sampling interval [s].
+    """
+    passed = _unresolved(values, interval)
+    return frozenset(passed) if "J" in passed else frozenset()
+
+
 def sampling_note(values: Mapping[str, float], interval: float) -> str:
     """Remark on transients that are shorter than the sampling interval; empty if there are none.
 
@@ -64,7 +79,7 @@ def sampling_note(values: Mapping[str, float], interval: float) -> str:
         return (
             f"the sampling interval of {now} is too long for this motor: it resolves neither the "
             "electrical nor the mechanical transient, and the estimates rest on the exact "
-            f"instants of the voltage steps; {advice['J']}"
+            f"instants of the voltage steps; J and L cannot be identified; {advice['J']}"
         )
     name, time = next(iter(passed.items()))
     return (

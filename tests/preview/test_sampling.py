@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from identification.ingest.run import Run
 from identification.preview import Preview, check
@@ -50,6 +51,21 @@ def test_sampling_slower_than_both_transients_is_said_before_the_excitation() ->
         assert wanted is not None, text
         assert float(wanted[1]) > 10.0 / 0.012
     assert "neither the electrical nor the mechanical transient" in found.notes[0]
+
+
+def test_sampling_slower_than_both_transients_identifies_neither_inertia_nor_inductance() -> None:
+    """At 100 ms a sample, the estimate of J is wrong by a factor of over ten.
+
+    The torque constant follows from constant speeds: its estimate is that of the motor.
+    """
+    found = {p.name: p for p in check(decimated(100)).prospects}
+
+    assert not abs(np.log(found["J"].value / SERVO_VALUES["J"])) < np.log(10.0)
+    for name in ("J", "L"):
+        assert not found[name].identified
+        assert found[name].sd == np.inf
+        assert found[name].advice.startswith("sample at ")
+    assert found["Kt25"].value == pytest.approx(SERVO_VALUES["Kt25"], rel=0.05)
 
 
 def test_only_the_electrical_transient_is_too_fast_for_a_millisecond() -> None:
