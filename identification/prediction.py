@@ -88,14 +88,14 @@ def simulation_of(
     """
     model, values = model_of(result, declared)
     before = _before(result, run)
-    peaks = [r["hottest_degC"] for r in before if r.get("hottest_degC") is not None]
-    hottest = max(peaks, default=-np.inf)
+    peaks = [_known(r, "hottest_degC", "a run of the result") for r in before]
+    hottest = max((peak for peak in peaks if peak is not None), default=-np.inf)
     records = records_of([run], len(before), hottest)
-    noise = result.get("noise") or {}
+    noise = _object({"noise": result.get("noise") or {}}, "noise")
     spread = np.maximum(np.std(np.column_stack([run.current, run.speed]), axis=0), 1e-12)
     deviation = np.array(
         [
-            noise.get(name) or 1e-3 * size
+            abs(_known(noise, name, "the noise of the result") or 1e-3 * size)
             for name, size in zip(("current_A", "speed_rad_s"), spread, strict=True)
         ]
     )
@@ -123,7 +123,7 @@ def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorMo
     fitted = _object(result, "declared")
     entries = _object(fitted if declared else result, "parameters")
     effects = [] if declared else _list(result, "effects")
-    hold: Hold = fitted.get("hold") or "zoh"
+    hold = _hold(fitted)
     model = MotorModel(tuple(term_of(effect) for effect in effects), hold)
     own = {
         f"{effect['name']}.{name}": entry
@@ -157,6 +157,34 @@ def _value(parameter: Parameter, entry: object) -> float:
         f"{lacking or f'the result has no value of {name}'}; expected a result.json as written by "
         "'motorid fit'",
         column=name,
+    )
+
+
+def _known(content: Mapping[str, Any], name: str, place: str) -> float | None:
+    """Finite number of an object of the result, or None if it is null or missing."""
+    value = content.get(name)
+    if value is None:
+        return None
+    number = _number(value) if isinstance(value, int | float) else math.nan
+    if not math.isfinite(number):
+        raise InputError(
+            f"{place} has the {name} {str(value)[:40]!r}; expected a finite number or null; use "
+            "the unchanged result.json of 'motorid fit'",
+            column=name,
+        )
+    return number
+
+
+def _hold(fitted: Mapping[str, Any]) -> Hold:
+    hold = fitted.get("hold")
+    if hold is None or hold == "zoh":
+        return "zoh"
+    if hold == "foh":
+        return "foh"
+    raise InputError(
+        f"the result has the hold {str(hold)[:40]!r}; expected zoh or foh; use the unchanged "
+        "result.json of 'motorid fit'",
+        column="hold",
     )
 
 

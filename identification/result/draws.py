@@ -7,6 +7,7 @@ draws = normal_draws(result, 2000)                 without a posterior
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, BinaryIO, Final
 
@@ -80,12 +81,14 @@ def normal_draws(
         InputError: The result lacks a parameter.
     """
     rng = np.random.default_rng(_SEED)
-    normal = _root(result) @ rng.standard_normal((len(DECLARED_PARAMETERS), count))
+    normal = _root(result, name) @ rng.standard_normal((len(DECLARED_PARAMETERS), count))
     draws = {}
     for k, parameter in enumerate(DECLARED_PARAMETERS):
-        entry = result["parameters"].get(parameter) or {}
-        centre, spread = entry.get("median"), entry.get("sd")
-        if not isinstance(centre, int | float) or not isinstance(spread, int | float):
+        parameters = result.get("parameters")
+        entry = parameters.get(parameter) if isinstance(parameters, Mapping) else None
+        found = entry if isinstance(entry, Mapping) else {}
+        centre, spread = _finite(found.get("median")), _finite(found.get("sd"))
+        if centre is None or spread is None:
             raise InputError(
                 f"has no median and sd of {parameter}; give the parameters with --set NAME=VALUE "
                 "instead",
@@ -102,7 +105,16 @@ def normal_draws(
     return draws
 
 
-def _root(result: Mapping[str, Any]) -> Array:
+def _finite(value: object) -> float | None:
+    """The value as a float; None if it is no number or not within the range of floats."""
+    try:
+        number = float(value) if isinstance(value, int | float) else math.nan
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _root(result: Mapping[str, Any], file: str | None) -> Array:
     """Symmetric root of the correlation matrix of the nominal parameters; identity if unknown.
 
     Rounding to the digits of the file can leave a slightly negative eigenvalue, which counts as
@@ -110,10 +122,18 @@ def _root(result: Mapping[str, Any]) -> Array:
     """
     matrix = np.eye(len(DECLARED_PARAMETERS))
     entry = result.get("correlation") or {}
-    places = {name: k for k, name in enumerate(entry.get("names", ()))}
-    if places.keys() >= set(DECLARED_PARAMETERS):
-        chosen = [places[name] for name in DECLARED_PARAMETERS]
-        known = np.array(entry["matrix"], dtype=np.float64)[np.ix_(chosen, chosen)]
+    try:
+        places = {name: k for k, name in enumerate(entry.get("names", ()))}
+        chosen = [places[name] for name in DECLARED_PARAMETERS if name in places]
+        known = np.array(entry.get("matrix", ()), dtype=np.float64)
+        known = known[np.ix_(chosen, chosen)] if chosen else known
+    except (AttributeError, TypeError, ValueError, IndexError, OverflowError):
+        raise InputError(
+            "has a correlation that is no matrix with a name for each row; use the unchanged "
+            "result.json of 'motorid fit', or remove the correlation",
+            file=file,
+        ) from None
+    if len(chosen) == len(DECLARED_PARAMETERS):
         off_diagonal = ~np.eye(len(chosen), dtype=bool) & np.isfinite(known)
         matrix[off_diagonal] = known[off_diagonal]
     values, vectors = np.linalg.eigh(matrix)
