@@ -2,7 +2,7 @@
 
     python -m identification.report.effects_page
 
-writes docs/effects.md, and the names of the effects in the schema of result.json.
+writes docs/effects.md.
 
 Each class of the catalogue provides its description, formula, drivers, parameters and source, so
 that the page repeats nothing by hand.  Priors scale with the motor at hand; the page shows those of
@@ -12,7 +12,6 @@ an example motor.
 from __future__ import annotations
 
 import inspect
-import json
 import re
 from pathlib import Path
 from typing import Final
@@ -28,13 +27,11 @@ from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator, initial_states
 from identification.result.atomic import write_text
-from identification.result.entries import result_schema
 from identification.selection.scales import scales_of
 
 __all__ = ["EXAMPLE_MOTOR", "effects_page", "example_scales", "main"]
 
 PAGE: Final = Path("docs/effects.md")
-SCHEMA: Final = Path("identification/result/result.schema.json")
 
 EXAMPLE_MOTOR: Final = (0.6, 0.0039, 0.07, -0.0012, 1e-4, 1e-4, 2e-3)
 """Ra25, alpha_Ra, Kt25, alpha_Kt, J, b and L of the example: a servo motor of 100 W at 24 V."""
@@ -134,9 +131,8 @@ def example_scales() -> CampaignScales:
 
 
 def main() -> None:
-    """Write the page and the schema of result.json, from the root of the project."""
+    """Write the page, from the root of the project."""
     write_text(PAGE, effects_page(example_scales()))
-    write_text(SCHEMA, json.dumps(result_schema(), indent=2) + "\n")
 
 
 def _documentation(kind: type[AbstractEffect]) -> tuple[str, list[str], str]:

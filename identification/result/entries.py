@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
@@ -132,15 +131,11 @@ def write_result(path: Path, result: Mapping[str, Any]) -> None:
 
 def result_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of result.json, with the names of all effects of the catalogue."""
-    # Imported here: a program that only reads results needs no model.
+    # Imported here: a program that only reads results needs neither model nor schema.
     from identification.effects.catalogue import CATALOGUE
+    from identification.result.schema import schema_of
 
-    text = (
-        resources.files("identification.result").joinpath("result.schema.json").read_text("utf-8")
-    )
-    schema: dict[str, Any] = json.loads(text)
-    schema["$defs"]["effect"]["properties"]["name"]["enum"] = [*CATALOGUE, "unlisted"]
-    return schema
+    return schema_of([*CATALOGUE, "unlisted"])
 
 
 def _entry(unit: str, mean: float, sd: float, quantiles: tuple[float, ...]) -> dict[str, Any]:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from importlib import resources
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -15,6 +12,7 @@ from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
+from identification.result.entries import result_schema
 from identification.surrogates.unlisted import SURROGATES
 
 CONTRACT = {
@@ -83,9 +81,8 @@ def test_the_catalogue_begins_with_the_effects_that_users_script_against() -> No
 
 
 def test_the_schema_of_a_result_names_every_effect() -> None:
-    """`python -m identification.report.effects_page` writes the names."""
-    text = resources.files("identification.result").joinpath("result.schema.json").read_text()
-    names = json.loads(text)["$defs"]["effect"]["properties"]["name"]["enum"]
+    """The search reports an effect of the catalogue, or `unlisted`."""
+    names = result_schema()["$defs"]["EffectEntry"]["properties"]["name"]["enum"]
 
     assert names == [*CATALOGUE, "unlisted"]
 

@@ -20,7 +20,7 @@ from identification import effects
 effects.__path__.append(sys.argv[1])
 from identification.effects.catalogue import CATALOGUE, confusions_of
 from identification.result.entries import result_schema
-names = result_schema()["$defs"]["effect"]["properties"]["name"]["enum"]
+names = result_schema()["$defs"]["EffectEntry"]["properties"]["name"]["enum"]
 print(list(CATALOGUE)[-1], CATALOGUE["eddy_brake"].__module__, names[-2])
 print(confusions_of(["eddy_brake"])[0].parameters)
 """
