@@ -161,185 +161,128 @@ class RunFileError(InputError):
 
     code: ClassVar[str] = "run_file"
 
+    def __init_subclass__(cls, code: str = "") -> None:
+        cls.code = code or cls.code
 
-class UnreadableFile(RunFileError):
+
+class UnreadableFile(RunFileError, code="unreadable_file"):
     """The file does not exist, is not a regular file, or may not be read."""
 
-    code: ClassVar[str] = "unreadable_file"
 
-
-class FileTooLarge(RunFileError):
+class FileTooLarge(RunFileError, code="file_too_large"):
     """The file has more bytes, rows or columns than the limits allow."""
 
-    code: ClassVar[str] = "file_too_large"
 
-
-class LineTooLong(RunFileError):
+class LineTooLong(RunFileError, code="line_too_long"):
     """One line is longer than the limit: the file is not a table of samples."""
 
-    code: ClassVar[str] = "line_too_long"
 
-
-class HeaderTooLong(RunFileError):
+class HeaderTooLong(RunFileError, code="header_too_long"):
     """One header cell is longer than the limit: it is not a column name."""
 
-    code: ClassVar[str] = "header_too_long"
 
-
-class NotText(RunFileError):
+class NotText(RunFileError, code="not_text"):
     """The bytes are of no known format, or text with NUL bytes or in an unknown encoding."""
 
-    code: ClassVar[str] = "not_text"
 
-
-class DamagedFile(RunFileError):
+class DamagedFile(RunFileError, code="damaged_file"):
     """The file has the signature of a known format and cannot be decoded."""
 
-    code: ClassVar[str] = "damaged_file"
 
-
-class UnsupportedContent(RunFileError):
+class UnsupportedContent(RunFileError, code="unsupported_content"):
     """The file has a known format and content that is not read, such as external links."""
 
-    code: ClassVar[str] = "unsupported_content"
 
-
-class MissingLibrary(RunFileError):
+class MissingLibrary(RunFileError, code="missing_library"):
     """The library that reads the format is not installed."""
 
-    code: ClassVar[str] = "missing_library"
 
-
-class AmbiguousTable(RunFileError):
+class AmbiguousTable(RunFileError, code="ambiguous_table"):
     """Several tables of the file contain a run, and none was chosen."""
 
-    code: ClassVar[str] = "ambiguous_table"
 
-
-class EmptyFile(RunFileError):
+class EmptyFile(RunFileError, code="empty_file"):
     """The file has no content."""
 
-    code: ClassVar[str] = "empty_file"
 
-
-class NoTable(RunFileError):
+class NoTable(RunFileError, code="no_table"):
     """No line of numbers in at least two columns was found."""
 
-    code: ClassVar[str] = "no_table"
 
-
-class NoHeader(RunFileError):
+class NoHeader(RunFileError, code="no_header"):
     """There is no line of column names above the numbers."""
 
-    code: ClassVar[str] = "no_header"
 
-
-class NoRows(RunFileError):
+class NoRows(RunFileError, code="no_rows"):
     """There are column names but no samples below them."""
 
-    code: ClassVar[str] = "no_rows"
 
-
-class TooFewRows(RunFileError):
+class TooFewRows(RunFileError, code="too_few_rows"):
     """There are fewer samples than an identification can use."""
 
-    code: ClassVar[str] = "too_few_rows"
 
-
-class RaggedRow(RunFileError):
+class RaggedRow(RunFileError, code="ragged_row"):
     """A line has a different number of fields than the table."""
 
-    code: ClassVar[str] = "ragged_row"
 
-
-class UnclosedQuote(RunFileError):
+class UnclosedQuote(RunFileError, code="unclosed_quote"):
     """A quotation mark is not closed on its line."""
 
-    code: ClassVar[str] = "unclosed_quote"
 
-
-class MissingColumn(RunFileError):
+class MissingColumn(RunFileError, code="missing_column"):
     """A required channel has no column."""
 
-    code: ClassVar[str] = "missing_column"
 
-
-class AmbiguousColumn(RunFileError):
+class AmbiguousColumn(RunFileError, code="ambiguous_column"):
     """Several columns could be the same channel."""
 
-    code: ClassVar[str] = "ambiguous_column"
 
-
-class DuplicateColumn(RunFileError):
+class DuplicateColumn(RunFileError, code="duplicate_column"):
     """Two columns have the same name."""
 
-    code: ClassVar[str] = "duplicate_column"
 
-
-class UnknownUnit(RunFileError):
+class UnknownUnit(RunFileError, code="unknown_unit"):
     """A unit is not in the table of accepted units."""
 
-    code: ClassVar[str] = "unknown_unit"
 
-
-class WrongUnit(RunFileError):
+class WrongUnit(RunFileError, code="wrong_unit"):
     """The unit belongs to another quantity."""
 
-    code: ClassVar[str] = "wrong_unit"
 
-
-class AmbiguousUnit(RunFileError):
+class AmbiguousUnit(RunFileError, code="ambiguous_unit"):
     """The column has no unit, or two units that disagree."""
 
-    code: ClassVar[str] = "ambiguous_unit"
 
-
-class MappingError(RunFileError):
+class MappingError(RunFileError, code="bad_mapping"):
     """The mapping given with the file is invalid."""
 
-    code: ClassVar[str] = "bad_mapping"
 
-
-class NotANumber(RunFileError):
+class NotANumber(RunFileError, code="not_a_number"):
     """A cell is not a number."""
 
-    code: ClassVar[str] = "not_a_number"
 
-
-class NotFinite(RunFileError):
+class NotFinite(RunFileError, code="not_finite"):
     """A cell holds NaN, an infinity or a number that overflows."""
 
-    code: ClassVar[str] = "not_finite"
 
-
-class MissingValue(RunFileError):
+class MissingValue(RunFileError, code="missing_value"):
     """A cell is blank."""
 
-    code: ClassVar[str] = "missing_value"
 
-
-class RepeatedTime(RunFileError):
+class RepeatedTime(RunFileError, code="repeated_time"):
     """Two samples have the same time."""
 
-    code: ClassVar[str] = "repeated_time"
 
-
-class BackwardTime(RunFileError):
+class BackwardTime(RunFileError, code="backward_time"):
     """A sample is earlier than the one above it."""
 
-    code: ClassVar[str] = "backward_time"
 
-
-class AbsurdValue(RunFileError):
+class AbsurdValue(RunFileError, code="absurd_value"):
     """A value is one that no brushed motor can have."""
 
-    code: ClassVar[str] = "absurd_value"
 
-
-class AmbiguousAngle(RunFileError):
+class AmbiguousAngle(RunFileError, code="ambiguous_angle"):
     """An angle from which the speed is derived jumps, or turns too far between two samples."""
-
-    code: ClassVar[str] = "ambiguous_angle"
 
 
 class OptionError(InputError):
