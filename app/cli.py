@@ -28,6 +28,7 @@ from app.commands.exits import (
     prepare_streams,
     raised_signals,
 )
+from app.commands.export import export
 from app.commands.keys import keys
 from app.commands.tune import tune
 from app.logging import warnings_logged
@@ -196,25 +197,7 @@ def feedback(
 
 
 app.command(cls=SeveralWords)(tune)
-
-
-@app.command(cls=SeveralWords)
-def export(
-    result: options.ResultFile,
-    to: options.ExportFormat,
-    out: options.OutFile,
-    temperature: options.ExportTemperatures = None,
-) -> None:
-    """Write the identified motor in the format of another program.
-
-    The file holds the final model with its effects as far as the format can hold them; standard
-    error and the top of the file say what it does not hold.
-    """
-    from app.commands.export import export
-
-    export(result, to, out, temperature or [])
-
-
+app.command(cls=SeveralWords)(export)
 app.command(cls=SeveralWords)(design)
 
 

@@ -1,10 +1,9 @@
-"""Commands of the HTTP service: run, manage API keys, back up and restore."""
+"""Administration of the HTTP service: run it, and open its data directory for its owner only."""
 
 from __future__ import annotations
 
 import os
 import socket
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -20,7 +19,7 @@ from app.settings import Settings, load_settings
 from app.storage import Storage
 from identification.errors import OptionError
 
-__all__ = ["back_up", "create_key", "list_keys", "restore", "revoke_key", "serve"]
+__all__ = ["date", "open_access", "owner_only", "serve"]
 
 
 def serve(
@@ -37,66 +36,12 @@ def serve(
     from app.server import serve as run
 
     # Signals are the normal end of a server; it has shut down cleanly by then.
-    with listening, suppress(KeyboardInterrupt, Terminated), _for_the_owner():
+    with listening, suppress(KeyboardInterrupt, Terminated), owner_only():
         run(settings, listening)
 
 
-def create_key(
-    name: str, workspace: str, days: float | None, data_dir: Path | None, *, owner: bool
-) -> None:
-    """Create an API key and print it."""
-    with _access(data_dir) as access:
-        key, secret = access.create_key(name, workspace, days=days, owner=owner)
-    print(secret)  # noqa: T201
-    until = "" if key.expires_at is None else f" until {_date(key.expires_at)}"
-    print(  # noqa: T201
-        f"motorid: created {key.id} for the workspace {workspace}{until}; the secret is not "
-        "shown again",
-        file=sys.stderr,
-    )
-
-
-def list_keys(data_dir: Path | None) -> None:
-    """Print all keys, one per line, with tab-separated columns."""
-    with _access(data_dir) as access:
-        rows = access.list_keys()
-    dates = ("created", "revoked", "expires", "last_used")
-    print("id", "workspace", "name", *dates, "owner", sep="\t")  # noqa: T201
-    for row in rows:
-        moments = (getattr(row, f"{name}_at") for name in dates)
-        shown = ("" if moment is None else _date(moment) for moment in moments)
-        print(row.id, row.workspace, row.name, *shown, "yes" if row.owner else "no", sep="\t")  # noqa: T201
-
-
-def revoke_key(key: str, data_dir: Path | None) -> None:
-    """Revoke a key."""
-    with _access(data_dir) as access:
-        access.revoke_key(key)
-
-
-def back_up(place: Path, data_dir: Path | None) -> None:
-    """Write a backup and print a summary."""
-    from app.backup.create import back_up as save
-
-    with _for_the_owner():
-        saved = save(load_settings(data_dir=data_dir), place)
-    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files"
-    print(f"motorid: {place} contains {text} and their SHA-256", file=sys.stderr)  # noqa: T201
-
-
-def restore(place: Path, data_dir: Path | None) -> None:
-    """Create a data directory from a backup and print a summary."""
-    from app.backup.restore import restore as write
-
-    settings = load_settings(data_dir=data_dir)
-    with _for_the_owner():
-        saved = write(settings, place)
-    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files"
-    print(f"motorid: {settings.data_dir} contains {text}, all verified", file=sys.stderr)  # noqa: T201
-
-
 @contextmanager
-def _for_the_owner() -> Iterator[None]:
+def owner_only() -> Iterator[None]:
     """Set a umask that gives access to the owner only.
 
     An existing data directory may be open to all users, and holds runs and hashes of keys.
@@ -109,9 +54,10 @@ def _for_the_owner() -> Iterator[None]:
 
 
 @contextmanager
-def _access(data_dir: Path | None) -> Iterator[AccessService]:
+def open_access(data_dir: Path | None) -> Iterator[AccessService]:
+    """Open the keys in the data directory."""
     settings = load_settings(data_dir=data_dir)
-    with _for_the_owner():
+    with owner_only():
         storage = Storage(settings.data_dir, settings.node)
         storage.prepare()
         if settings.sqlite_file is not None:
@@ -146,5 +92,6 @@ def _listen(settings: Settings) -> socket.socket:
     return listening
 
 
-def _date(seconds: float) -> str:
+def date(seconds: float) -> str:
+    """Time in seconds since 1970 in UTC, ISO 8601."""
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(seconds))

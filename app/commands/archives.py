@@ -1,7 +1,8 @@
-"""The commands `backup` and `restore`; `app.commands.administration` does the work."""
+"""The commands `backup` and `restore`."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -17,9 +18,14 @@ def backup(
     data_dir: options.DataDir = None,
 ) -> None:
     """Back up the service's database, runs and results, even while the service runs."""
-    from app.commands import administration
+    from app.backup.create import back_up
+    from app.commands.administration import owner_only
+    from app.settings import load_settings
 
-    administration.back_up(archive, data_dir)
+    with owner_only():
+        saved = back_up(load_settings(data_dir=data_dir), archive)
+    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files"
+    print(f"motorid: {archive} contains {text} and their SHA-256", file=sys.stderr)  # noqa: T201
 
 
 def restore(
@@ -29,6 +35,12 @@ def restore(
     data_dir: options.DataDir = None,
 ) -> None:
     """Create a data directory from a backup after checking every file; nothing is overwritten."""
-    from app.commands import administration
+    from app.backup.restore import restore as write
+    from app.commands.administration import owner_only
+    from app.settings import load_settings
 
-    administration.restore(archive, data_dir)
+    settings = load_settings(data_dir=data_dir)
+    with owner_only():
+        saved = write(settings, archive)
+    text = f"{saved.runs} runs and {saved.fits} results in {saved.files} files"
+    print(f"motorid: {settings.data_dir} contains {text}, all verified", file=sys.stderr)  # noqa: T201

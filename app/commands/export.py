@@ -1,31 +1,35 @@
-"""Implementation of ``motorid export``: write a result in the format of another program."""
+"""Command ``motorid export``: write a result in the format of another program."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
-from app.commands import console
-from app.commands.files import draws_of, read_result, writable_file
+from app.commands import options
 
 __all__ = ["export"]
 
 _MOST_DRAWS = 1000
 
 
-def export(result: Path, form: str, out: Path, temperatures: Sequence[float]) -> None:
-    """Write a result in another format, and show what the file does not hold.
+def export(
+    result: options.ResultFile,
+    to: options.ExportFormat,
+    out: options.OutFile,
+    temperature: options.ExportTemperatures = None,
+) -> None:
+    """Write the identified motor in the format of another program.
 
-    Raises:
-        OptionError: The format, a temperature or the output file is not accepted.
-        InputError: The result is not accepted.
+    The file holds the final model with its effects as far as the format can hold them; standard
+    error and the top of the file say what it does not hold.
     """
+    from app.commands import console
+    from app.commands.files import draws_of, read_result, writable_file
     from identification.export import export as exported
     from identification.result.atomic import replacing
 
     content = read_result(result)
     with writable_file(out, inputs=(result, result.parent)):
-        made = exported(content, form, lambda: draws_of(content, result, _MOST_DRAWS), temperatures)
+        made = exported(
+            content, to, lambda: draws_of(content, result, _MOST_DRAWS), temperature or []
+        )
         with replacing(out) as file:
             file.write_bytes(made.content)
     for line in made.remarks:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 import typer
@@ -28,17 +29,32 @@ def create_key(
     data_dir: options.DataDir = None,
 ) -> None:
     """Create an API key.  It is printed once and cannot be shown again."""
-    from app.commands import administration
+    from app.commands.administration import date, open_access
 
-    administration.create_key(name, workspace, days, data_dir, owner=owner)
+    with open_access(data_dir) as access:
+        key, secret = access.create_key(name, workspace, days=days, owner=owner)
+    print(secret)  # noqa: T201
+    until = "" if key.expires_at is None else f" until {date(key.expires_at)}"
+    print(  # noqa: T201
+        f"motorid: created {key.id} for the workspace {workspace}{until}; the secret is not "
+        "shown again",
+        file=sys.stderr,
+    )
 
 
 @keys.command("list")
 def list_keys(data_dir: options.DataDir = None) -> None:
     """List all keys with workspace, expiry and last use, but not their secrets."""
-    from app.commands import administration
+    from app.commands.administration import date, open_access
 
-    administration.list_keys(data_dir)
+    with open_access(data_dir) as access:
+        rows = access.list_keys()
+    dates = ("created", "revoked", "expires", "last_used")
+    print("id", "workspace", "name", *dates, "owner", sep="\t")  # noqa: T201
+    for row in rows:
+        moments = (getattr(row, f"{name}_at") for name in dates)
+        shown = ("" if moment is None else date(moment) for moment in moments)
+        print(row.id, row.workspace, row.name, *shown, "yes" if row.owner else "no", sep="\t")  # noqa: T201
 
 
 @keys.command("revoke")
@@ -47,6 +63,7 @@ def revoke_key(
     data_dir: options.DataDir = None,
 ) -> None:
     """Revoke a key and end its sessions."""
-    from app.commands import administration
+    from app.commands.administration import open_access
 
-    administration.revoke_key(key, data_dir)
+    with open_access(data_dir) as access:
+        access.revoke_key(key)
