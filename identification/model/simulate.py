@@ -178,12 +178,10 @@ class Simulator:
     ) -> Simulator:
         """Simulator with an error below a tenth of the noise in each sample interval.
 
-        This is sufficient to compare starting points.  The arguments are those of `accurate` and
-        `with_tolerance`.
+        This suffices to compare starting points.  The arguments are those of `with_tolerance`.
         """
-        if not self.model.terms:
-            return self
-        return self.with_tolerance(values, states, _ROUGH * deviation, rounds)
+        close = _ROUGH * deviation
+        return self.with_tolerance(values, states, close, rounds) if self.model.terms else self
 
     def accurate(self, values: Array, states: Sequence[Array], deviation: Array) -> Simulator:
         """Simulator with the fewest substeps whose discretisation error the noise hides.
@@ -221,8 +219,7 @@ class Simulator:
     def converged(self, values: Array, states: Sequence[Array]) -> Simulator:
         """Simulator whose discretisation error is below a millionth of the signals.
 
-        Other programs that integrate the same equations then agree with it.  Long records have
-        fewer substeps, which bounds the memory.
+        Long records have fewer substeps, which bounds the memory.
 
         Args:
             values: (n_parameter,) physical values.
