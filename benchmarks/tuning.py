@@ -23,7 +23,7 @@ from identification.effects.friction import CoulombFriction, StribeckFriction
 from identification.model.composite import MotorModel
 from identification.options import FitOptions
 from identification.pipeline import identify
-from identification.report.svg import Frame, axes, line, svg
+from identification.reporting.svg import Frame, axes, line, svg
 from identification.result.atomic import write_text
 from identification.tuning import KINDS, UncertainMotor, motor_of, parse_specification, tune
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
         OptionError,
         RunFileError,
     )
-    from identification.feedback.table import feedback
     from identification.identified import (
         Identified,
         MissingPackage,
@@ -40,7 +39,8 @@ if TYPE_CHECKING:
     from identification.pipeline import Identification, identify
     from identification.prediction import predict
     from identification.preview import Preview, check
-    from identification.report.files import report
+    from identification.reporting.files import report
+    from identification.speed_loop.table import feedback
 
 __all__ = [
     "ComputationError",
@@ -75,13 +75,13 @@ _HOMES = {
     "Run": "ingest",
     "StoredResult": "identified",
     "check": "preview",
-    "feedback": "feedback.table",
+    "feedback": "speed_loop.table",
     "identify": "pipeline",
     "inference_data": "identified",
     "predict": "prediction",
     "read_result": "identified",
     "read_run": "ingest",
-    "report": "report.files",
+    "report": "reporting.files",
     "write_run": "ingest",
 }
 

@@ -24,7 +24,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from identification.errors import IdentificationError, InputError, UnreadableFile
-from identification.report.summary import summary_sentences
+from identification.reporting.summary import summary_sentences
 from identification.result.draws import chain_draws, normal_draws
 from identification.result.numbers import interval_text, unit_text
 from identification.result.tables import TableName, result_table

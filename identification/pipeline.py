@@ -28,8 +28,6 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError, OptionError
 from identification.export.linear import state_space, transfer_function
-from identification.feedback import feedback_metrics, parse_controllers, suited_controller
-from identification.feedback.nonlinear import simulated_loops
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.gains import GainRatio, current_gains, with_one_gain
@@ -43,7 +41,7 @@ from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
 from identification.posterior.draws import final_draws, nominal_draws
-from identification.report.files import write_chain, write_outputs
+from identification.reporting.files import write_chain, write_outputs
 from identification.result.content import assemble
 from identification.result.findings import Findings
 from identification.selection.confounded import confounded_terms
@@ -51,6 +49,8 @@ from identification.selection.long import search_long
 from identification.selection.non_identifiable import linear_parts_of, with_linear_parts
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
+from identification.speed_loop import feedback_metrics, parse_controllers, suited_controller
+from identification.speed_loop.nonlinear import simulated_loops
 from identification.threads import repeatable_algebra
 from identification.work import metered, was_interrupted
 

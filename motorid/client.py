@@ -36,7 +36,7 @@ from motorid.errors import (
     WaitedTooLong,
 )
 from motorid.files import Source, opened, replacing
-from motorid.things import Batch, Fit, Run
+from motorid.things import Batch, FitState, Run
 from motorid.transport import Transport, content_of
 from motorid.waiting import Tell, until_cancelled, until_ended
 
@@ -46,7 +46,7 @@ __all__ = [
     "Busy",
     "Client",
     "ClientError",
-    "Fit",
+    "FitState",
     "FitFailed",
     "NotFound",
     "Problem",
@@ -138,7 +138,7 @@ class Client:
         motor: str | None = None,
         options: Mapping[str, Any] | None = None,
         idempotency_key: str | None = None,
-    ) -> Fit:
+    ) -> FitState:
         """Submit a fit.
 
         Args:
@@ -157,7 +157,7 @@ class Client:
             "options": dict(options or {}),
             "motor": motor,
         }
-        return Fit.of(self._begin("/fits", body, idempotency_key))
+        return FitState.of(self._begin("/fits", body, idempotency_key))
 
     def batch(
         self,
@@ -184,11 +184,11 @@ class Client:
 
     def wait(
         self,
-        fit: Fit | str,
+        fit: FitState | str,
         *,
         timeout_s: float | None = None,
         progress: Tell | None = None,
-    ) -> Fit:
+    ) -> FitState:
         """Wait until a fit has succeeded, and return it with its result.
 
         Args:
@@ -201,7 +201,7 @@ class Client:
             WaitedTooLong: The time limit is exceeded; the fit continues.
         """
 
-        def told(now: Fit) -> tuple[str, float]:
+        def told(now: FitState) -> tuple[str, float]:
             return now.stage, now.fraction
 
         ended = until_ended(lambda: self.show_fit(fit), told, timeout_s, progress)
@@ -234,7 +234,7 @@ class Client:
 
         return until_ended(lambda: self.show_batch(batch), told, timeout_s, progress)
 
-    def fetch(self, fit: Fit | str, directory: str | os.PathLike[str]) -> dict[str, Path]:
+    def fetch(self, fit: FitState | str, directory: str | os.PathLike[str]) -> dict[str, Path]:
         """Write result.json, report.html and, if there is one, posterior.nc.
 
         Args:
@@ -244,7 +244,7 @@ class Client:
         Returns:
             Path of each file by `result`, `report` and `posterior`.
         """
-        shown = fit if isinstance(fit, Fit) and fit.result is not None else self.show_fit(fit)
+        shown = fit if isinstance(fit, FitState) and fit.result is not None else self.show_fit(fit)
         if shown.result is None:
             raise FitFailed(shown.id, shown.status, shown.error)
         folder = Path(directory)
@@ -261,17 +261,17 @@ class Client:
             posterior.unlink(missing_ok=True)
         return files
 
-    def fetch_report(self, fit: Fit | str, path: str | os.PathLike[str]) -> Path:
+    def fetch_report(self, fit: FitState | str, path: str | os.PathLike[str]) -> Path:
         """Write the report of a succeeded fit; return the path."""
         return self._fetched(f"/fits/{_id(fit)}/report", Path(path))
 
-    def fetch_posterior(self, fit: Fit | str, path: str | os.PathLike[str]) -> Path:
+    def fetch_posterior(self, fit: FitState | str, path: str | os.PathLike[str]) -> Path:
         """Write the posterior of a succeeded fit that was sampled; return the path."""
         return self._fetched(f"/fits/{_id(fit)}/posterior", Path(path))
 
     def fetch_export(
         self,
-        fit: Fit | str,
+        fit: FitState | str,
         form: str,
         path: str | os.PathLike[str],
         *,
@@ -313,9 +313,9 @@ class Client:
         """Stored run."""
         return Run.of(self._get(f"/runs/{_id(run)}"))
 
-    def show_fit(self, fit: Fit | str) -> Fit:
+    def show_fit(self, fit: FitState | str) -> FitState:
         """Current state of a fit, with its result once it has succeeded."""
-        return Fit.of(self._get(f"/fits/{_id(fit)}"))
+        return FitState.of(self._get(f"/fits/{_id(fit)}"))
 
     def show_batch(self, batch: Batch | str) -> Batch:
         """Current state of a batch and of each of its fits."""
@@ -325,15 +325,15 @@ class Client:
         """All runs, newest first; pages are requested on demand."""
         return map(Run.of, self._listed("/runs", motor=motor))
 
-    def fits(self, *, status: str | None = None, motor: str | None = None) -> Iterator[Fit]:
+    def fits(self, *, status: str | None = None, motor: str | None = None) -> Iterator[FitState]:
         """All fits, newest first, without their results."""
-        return map(Fit.of, self._listed("/fits", status=status, motor=motor))
+        return map(FitState.of, self._listed("/fits", status=status, motor=motor))
 
     def batches(self) -> Iterator[Batch]:
         """All batches, newest first, without their fits."""
         return map(Batch.of, self._listed("/batches"))
 
-    def cancel(self, fit: Fit | str) -> Fit:
+    def cancel(self, fit: FitState | str) -> FitState:
         """Cancel an unfinished fit; an ended one is left unchanged.
 
         A fit that ends between the two requests is removed.
@@ -352,7 +352,7 @@ class Client:
         """Remove a run; a missing run is not an error."""
         self._deleted(f"/runs/{_id(run)}")
 
-    def delete_fit(self, fit: Fit | str) -> None:
+    def delete_fit(self, fit: FitState | str) -> None:
         """Remove a fit with its outputs; an unfinished one is cancelled first."""
         self._deleted(f"/fits/{_id(fit)}")
 
@@ -392,5 +392,5 @@ class Client:
         return target
 
 
-def _id(thing: Run | Fit | Batch | str) -> str:
+def _id(thing: Run | FitState | Batch | str) -> str:
     return thing if isinstance(thing, str) else thing.id

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Self
 
-__all__ = ["ENDED", "Batch", "Fit", "Run"]
+__all__ = ["ENDED", "Batch", "FitState", "Run"]
 
 ENDED = ("succeeded", "failed", "cancelled", "partial")
 """Final states of a fit or a batch."""
@@ -49,7 +49,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Fit:
+class FitState:
     """Fit at the time of the request.
 
     Args:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from motorid.errors import Busy, Unreachable, WaitedTooLong
-from motorid.things import Batch, Fit
+from motorid.things import Batch, FitState
 from motorid.transport import pause_s
 
 __all__ = ["Tell", "until_cancelled", "until_ended"]
@@ -19,7 +19,7 @@ _FIRST_LOOK_S = 0.1
 _SLOWEST_LOOK_S = 2.0
 _MOST_TRIES = 5
 
-_Waited = TypeVar("_Waited", Fit, Batch)
+_Waited = TypeVar("_Waited", FitState, Batch)
 
 
 def until_ended(

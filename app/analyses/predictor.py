@@ -29,7 +29,7 @@ from identification.design import (
 from identification.errors import IdentificationError, InputError
 from identification.ingest import Limits, Run, read_run
 from identification.prediction import predict
-from identification.report.columns import extremes
+from identification.reporting.columns import extremes
 from identification.result.entries import finite_or_null
 from identification.result.report_data import RunTraces
 from identification.result.residuals import channel_errors

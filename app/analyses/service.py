@@ -156,9 +156,9 @@ class AnalysisService:
             Unavailable: Too many analyses are computed at the moment.
         """
         # Lazy imports: numpy and scipy would slow down every start.
-        from identification.feedback import feedback_metrics, parse_controllers, step_curves
-        from identification.feedback.spread import checked_temperatures
         from identification.result.report_data import StepResponse
+        from identification.speed_loop import feedback_metrics, parse_controllers, step_curves
+        from identification.speed_loop.spread import checked_temperatures
 
         parsed, asked = parse_controllers(controllers), checked_temperatures(temperatures)
         fit = self.succeeded(caller, fit_id)

@@ -111,7 +111,7 @@ def fit_summary(result: Mapping[str, Any], out: Path) -> dict[str, Any]:
 
 def print_fit(result: Mapping[str, Any], out: Path) -> None:
     """Print warnings, parameters, errors, speed loop metrics and the paths of the files."""
-    from identification.report.summary import summary_sentences
+    from identification.reporting.summary import summary_sentences
 
     console = results_console()
     for warning in result.get("warnings") or ():
@@ -204,7 +204,7 @@ def _effect(effect: Mapping[str, Any]) -> str:
 
 
 def _errors(result: Mapping[str, Any]) -> Table:
-    from identification.report.tables import error_rows
+    from identification.reporting.tables import error_rows
 
     table = table_with("Simulation error", "runs", "channel", "unit")
     has_effects = bool(result.get("effects"))

@@ -19,9 +19,9 @@ from app.commands import console
 from app.commands.arguments import check_mapped_files, mapping_of, run_names, values_by_name
 from app.commands.files import draws_of, read_result, writable_directory, writable_file
 from identification.errors import InputError, OptionError
-from identification.feedback import feedback_metrics, parse_controllers
 from identification.label import Label
 from identification.options import FitOptions
+from identification.speed_loop import feedback_metrics, parse_controllers
 
 __all__ = [
     "Label",

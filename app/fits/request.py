@@ -79,7 +79,7 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
 
 def _check_controllers(controllers: Sequence[str]) -> None:
     # Lazy import: scipy would slow down every start.
-    from identification.feedback.controller import parse_controllers
+    from identification.speed_loop.controller import parse_controllers
 
     parse_controllers(controllers)
 

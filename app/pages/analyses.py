@@ -206,9 +206,9 @@ def _compared_steps(
 
 def _loop_view(loop: LoopAnalysis, result: Mapping[str, Any]) -> dict[str, Any]:
     """View of a speed loop: the figure and the table of the report."""
-    from identification.report.figures.curves import step_figure
-    from identification.report.figures.drawn import drawn_chart
-    from identification.report.tables import feedback_tables
+    from identification.reporting.figures.curves import step_figure
+    from identification.reporting.figures.drawn import drawn_chart
+    from identification.reporting.tables import feedback_tables
     from identification.result.attempts import figure
     from identification.result.numbers import listed
 

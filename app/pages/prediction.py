@@ -26,8 +26,8 @@ def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
         name: Name of the run.
         prediction: The prediction.
     """
-    from identification.report.figures.drawn import drawn_chart
-    from identification.report.figures.prediction import prediction_figure
+    from identification.reporting.figures.drawn import drawn_chart
+    from identification.reporting.figures.prediction import prediction_figure
     from identification.result.attempts import figure
     from identification.result.numbers import number_text, percent_text
 

@@ -17,7 +17,7 @@ __all__ = ["PLOT_FILES", "STATIC_FILES", "help_prefix", "page"]
 STATIC_FILES = Path(__file__).parent / "static"
 """Style sheets and scripts of the pages."""
 
-PLOT_FILES = Path(str(files("identification"))) / "report" / "templates" / "vendor"
+PLOT_FILES = Path(str(files("identification"))) / "reporting" / "templates" / "vendor"
 """uPlot, as bundled with the report."""
 
 _TEMPLATES = Environment(

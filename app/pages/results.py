@@ -21,10 +21,10 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
         report: Text of the report, which has the figures; empty if it cannot be read.
     """
     # Lazy imports, here and in the other views: numpy would slow down every start.
-    from identification.report.excerpt import report_figures
-    from identification.report.headline import headline_sentences, key_figures
-    from identification.report.tables import error_rows, feedback_tables, parameter_rows
-    from identification.report.warnings import warning_groups
+    from identification.reporting.excerpt import report_figures
+    from identification.reporting.headline import headline_sentences, key_figures
+    from identification.reporting.tables import error_rows, feedback_tables, parameter_rows
+    from identification.reporting.warnings import warning_groups
     from identification.result.attempts import Attempts
     from identification.result.numbers import probability_text
     from identification.result.report_data import ReportData

@@ -90,8 +90,8 @@ class TuningForm:
 
 def tuning_view(found: Mapping[str, Any], remarks: tuple[str, ...]) -> dict[str, Any]:
     """View of the first controller of a tuning: statement, step response and metrics."""
-    from identification.report.figures.curves import step_figure
-    from identification.report.figures.drawn import drawn_chart
+    from identification.reporting.figures.curves import step_figure
+    from identification.reporting.figures.drawn import drawn_chart
     from identification.result.attempts import figure
     from identification.result.numbers import listed, number_text
     from identification.result.report_data import StepResponse

@@ -122,7 +122,7 @@ def _suggested(columns: Sequence[Column]) -> dict[str, str]:
 
 def _samples(run: Run) -> dict[str, list[float]]:
     """Extremes of each channel over time, for a plot."""
-    from identification.report.columns import extremes
+    from identification.reporting.columns import extremes
 
     channels = run.channels
     kept = extremes(list(channels.values()), _BUCKETS)

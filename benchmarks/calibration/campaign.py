@@ -13,11 +13,11 @@ from bench import make_campaign
 from benchmarks.calibration.plan import Item
 from identification import FitOptions, Identification, identify
 from identification.errors import IdentificationError
-from identification.feedback import METRIC_UNITS, parse_controller
-from identification.feedback.loop import close, motor_draws
-from identification.feedback.margins import bandwidth, stability_margins
-from identification.feedback.step_response import StepResponse, step_metrics
 from identification.quantities import DECLARED_PARAMETERS
+from identification.speed_loop import METRIC_UNITS, parse_controller
+from identification.speed_loop.loop import close, motor_draws
+from identification.speed_loop.margins import bandwidth, stability_margins
+from identification.speed_loop.step_response import StepResponse, step_metrics
 
 __all__ = ["measured", "metric_draws", "rank"]
 

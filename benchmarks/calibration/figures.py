@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from benchmarks.calibration.statistics import BINS, band
-from identification.report.svg import Frame, axes, path, svg, text
-from identification.report.svg import band as area
+from identification.reporting.svg import Frame, axes, path, svg, text
+from identification.reporting.svg import band as area
 
 __all__ = ["rank_histograms"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.calibration.figures import rank_histograms
 from benchmarks.calibration.plan import KINDS, NOISES
 from benchmarks.calibration.statistics import Line, band, coverage, ranks, uniformity
-from identification.feedback import METRIC_UNITS
 from identification.quantities import DECLARED_PARAMETERS
+from identification.speed_loop import METRIC_UNITS
 
 __all__ = ["figures", "page"]
 

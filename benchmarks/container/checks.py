@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks.container.box import ADDRESS, Box
 from benchmarks.container.image import Image
 from benchmarks.torture.outcome import Outcome
-from motorid.client import Client, Fit, Run
+from motorid.client import Client, FitState, Run
 
 __all__ = ["run"]
 
@@ -151,7 +151,7 @@ def _uploaded(client: Client) -> list[Run]:
     return [client.upload(path) for path in sorted(_RUNS.glob("training_*.csv"))]
 
 
-def _begun(client: Client) -> Fit:
+def _begun(client: Client) -> FitState:
     """Start a fit that takes longer than the limit of a stop."""
     fit = client.fit(_uploaded(client))
     deadline = time.monotonic() + 600
@@ -171,7 +171,7 @@ def _half_an_upload(key: str) -> Iterator[None]:
         yield
 
 
-def _kept(image: Image, volume: Path, work: Path, key: str, fit: Fit) -> Iterator[Outcome]:
+def _kept(image: Image, volume: Path, work: Path, key: str, fit: FitState) -> Iterator[Outcome]:
     """Restart on the same volume after SIGTERM, and in another container after SIGKILL."""
     results: list[str] = []
     for name, what in (("bench", "SIGTERM"), ("other", "SIGKILL")):

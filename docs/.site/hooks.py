@@ -25,9 +25,6 @@ from identification.result.entries import result_schema
 
 Schema = Mapping[str, Any]
 
-_CALLED = {"feedback": "table", "report": "files"}
-"""Packages that share their name with a function, and the module of the function."""
-
 _LINK = re.compile(r"\[([^\]]+)\]\(((?:\.\./)+[^)\s]+)\)")
 
 
@@ -79,15 +76,8 @@ def python_reference() -> str:
     for title, members in sections:
         lines += ["", f"## {title}"]
         for name in members:
-            lines += ["", f"::: {_defined_in(name)}.{name}"]
+            lines += ["", f"::: {getattr(identification, name).__module__}.{name}"]
     return "\n".join(lines) + "\n"
-
-
-def _defined_in(name: str) -> str:
-    """Module that defines a public name; a package may have taken the name of a function."""
-    if name in _CALLED:
-        return f"identification.{name}.{_CALLED[name]}"
-    return str(getattr(identification, name).__module__)
 
 
 def http_reference() -> str:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from identification.design.models import DesignModel
 from identification.errors import OptionError
-from identification.feedback import METRIC_UNITS, feedback_metrics
 from identification.numerals import decimal_of
 from identification.quantities import DECLARED_PARAMETERS
+from identification.speed_loop import METRIC_UNITS, feedback_metrics
 
 __all__ = ["Quantity", "parameter_quantity", "quantity_of"]
 

@@ -19,8 +19,8 @@ from identification.design.models import (
 )
 from identification.design.quantity import Quantity, quantity_of
 from identification.errors import InputError, OptionError
-from identification.feedback.spread import checked_temperatures
 from identification.nameplate import nameplate_of
+from identification.speed_loop.spread import checked_temperatures
 
 __all__ = ["DesignOptions", "Task", "task_of_nameplate", "task_of_result"]
 

@@ -17,7 +17,7 @@ from identification.export.language import MATLAB, MODELICA, PYTHON, Language
 from identification.export.model import Exported, exported_model
 from identification.export.scripts import continuous_notes, linear_motors, script
 from identification.export.table import csv_table
-from identification.feedback.spread import checked_temperatures
+from identification.speed_loop.spread import checked_temperatures
 
 __all__ = ["FORMATS", "Export", "ExportFormat", "export"]
 

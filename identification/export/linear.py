@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError, OptionError
-from identification.feedback.loop import motor_draws, plant
-from identification.feedback.spread import checked_temperatures
 from identification.model.declared import coefficient_at
 from identification.prediction import model_of
 from identification.quantities import DECLARED_PARAMETERS
+from identification.speed_loop.loop import motor_draws, plant
+from identification.speed_loop.spread import checked_temperatures
 
 if TYPE_CHECKING:
     import control

@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from identification.feedback.metrics import METRIC_UNITS
+from identification.speed_loop.metrics import METRIC_UNITS
 
 __all__ = ["COLUMNS", "csv_table"]
 

@@ -15,7 +15,7 @@ from identification.fleet.outliers import POSITIVE, Spread
 from identification.fleet.pooling import Quantiles
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
-from identification.report.svg import Frame, span, svg, text, tick_words
+from identification.reporting.svg import Frame, span, svg, text, tick_words
 from identification.result.numbers import interval_text, number_text, scaled_unit, unit_power
 
 __all__ = ["Mark", "fleet_figure", "marks_of"]

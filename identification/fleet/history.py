@@ -9,7 +9,7 @@ import numpy as np
 from identification.fleet.drift import Drift
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
-from identification.report.svg import Frame, path, span, svg, text, tick_words
+from identification.reporting.svg import Frame, path, span, svg, text, tick_words
 from identification.result.numbers import number_text, scaled_unit, unit_power
 
 __all__ = ["history_figure"]

@@ -113,7 +113,7 @@ def content_security_policy() -> str:
 def _styles() -> tuple[Markup, ...]:
     """Style sheets of the report and of the fleet page."""
     files = (
-        resources.files("identification.report") / "templates" / "report.css",
+        resources.files("identification.reporting") / "templates" / "report.css",
         resources.files("identification.fleet") / "templates" / "fleet.css",
     )
     return tuple(Markup(file.read_text("utf-8")) for file in files)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.catalogue import confusions_of
-from identification.feedback import AbstractController, step_curves
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.printing import printed_equations
@@ -29,6 +28,7 @@ from identification.result.report_data import (
     SearchAccount,
     StepResponse,
 )
+from identification.speed_loop import AbstractController, step_curves
 
 __all__ = ["report_data"]
 

@@ -20,8 +20,6 @@ from identification.checks.finding import Finding
 from identification.checks.time_constants import time_constant_findings
 from identification.diagnosis.outliers import outlier_warnings
 from identification.effects.effect import effects_of
-from identification.feedback import feedback_metrics
-from identification.feedback.nonlinear import nonlinear_entries
 from identification.fit.campaign import Campaign
 from identification.fit.identifiability import identified
 from identification.fit.sensors import coarse_warnings
@@ -56,6 +54,8 @@ from identification.result.simulation_errors import (
 )
 from identification.selection.non_identifiable import linear_parts_of
 from identification.selection.omitted import consider_variances
+from identification.speed_loop import feedback_metrics
+from identification.speed_loop.nonlinear import nonlinear_entries
 from identification.warning import ResultWarning
 
 __all__ = ["assemble"]

@@ -12,8 +12,6 @@ from identification.checks.admission import Admission
 from identification.diagnosis.detection import Detection, detect
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.outliers import noise_without_outlying_runs, root_mean_square
-from identification.feedback.controller import AbstractController
-from identification.feedback.nonlinear import SimulatedLoop
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
@@ -25,6 +23,8 @@ from identification.options import FitOptions
 from identification.posterior.sample import Sample
 from identification.selection.omitted import OmittedTerm, consider_variances
 from identification.selection.outcome import Outcome
+from identification.speed_loop.controller import AbstractController
+from identification.speed_loop.nonlinear import SimulatedLoop
 
 __all__ = ["CHANNELS", "Findings"]
 

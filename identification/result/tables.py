@@ -8,7 +8,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from identification.errors import OptionError
-from identification.feedback.table import SPREAD, feedback_table
+from identification.speed_loop.table import SPREAD, feedback_table
 
 __all__ = ["TableName", "result_table"]
 

@@ -29,11 +29,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.feedback.closed_loop import fastest_rate
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
 from identification.model.step import advance
 from identification.model.step_plan import StepPlan, plan_for
+from identification.speed_loop.closed_loop import fastest_rate
 from identification.tuning.motor import UncertainMotor
 from identification.tuning.specification import Specification
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import OptionError
-from identification.feedback.delayed_margins import delayed_margins
-from identification.feedback.loop import Loop
-from identification.feedback.sampled import sampled_metrics
+from identification.speed_loop.delayed_margins import delayed_margins
+from identification.speed_loop.loop import Loop
+from identification.speed_loop.sampled import sampled_metrics
 from identification.tuning.drive import GAINS, Drive, Response, most_samples
 from identification.tuning.motor import UncertainMotor
 from identification.tuning.specification import METRICS, Specification

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification.errors import InputError, OptionError
-from identification.feedback.closed_loop import acting_terms
-from identification.feedback.loop import motor_draws, plant
-from identification.feedback.nonlinear import with_some_inductance
 from identification.model.composite import MotorModel
 from identification.prediction import model_of
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
+from identification.speed_loop.closed_loop import acting_terms
+from identification.speed_loop.loop import motor_draws, plant
+from identification.speed_loop.nonlinear import with_some_inductance
 
 __all__ = ["UncertainMotor", "motor_of"]
 

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import OptionError
-from identification.feedback.controller import PI, PID, PIFF, AbstractController, P
-from identification.feedback.tuning import suited_controller
+from identification.speed_loop.controller import PI, PID, PIFF, AbstractController, P
+from identification.speed_loop.tuning import suited_controller
 from identification.tuning.drive import GAINS
 from identification.tuning.judge import Judge, slack_at
 from identification.tuning.specification import METRICS

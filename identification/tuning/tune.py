@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 
 from identification.errors import OptionError
-from identification.feedback.controller import AbstractController, parse_controllers
-from identification.feedback.metrics import quantity
-from identification.feedback.spread import checked_temperatures
+from identification.speed_loop.controller import AbstractController, parse_controllers
+from identification.speed_loop.metrics import quantity
+from identification.speed_loop.spread import checked_temperatures
 from identification.tuning.blame import blamed
 from identification.tuning.drive import GAINS, most_samples
 from identification.tuning.hunting import hunting

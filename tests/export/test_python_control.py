@@ -12,9 +12,9 @@ import pytest
 
 from identification.errors import OptionError
 from identification.export import export, state_space, transfer_function
-from identification.feedback import parse_controller, step_curves
 from identification.pipeline import Identification
 from identification.prediction import predict
+from identification.speed_loop import parse_controller, step_curves
 from tests.export.results import (
     CASES,
     INTERVAL,

@@ -109,9 +109,9 @@ def test_every_role_that_a_contract_names_exists(role: str) -> None:
         ("identification/effects/friction.py", "import identification.fit.solve", "layers"),
         ("identification/effects/friction.py", "import identification.work", "laws"),
         ("identification/surrogates/curve.py", "import identification.ingest", "surrogates"),
-        ("identification/result/entries.py", "import identification.report.svg", "layers"),
-        ("identification/report/svg.py", "import identification.fit.solve", "report"),
-        ("identification/report/svg.py", "import scipy.stats", "report"),
+        ("identification/result/entries.py", "import identification.reporting.svg", "layers"),
+        ("identification/reporting/svg.py", "import identification.fit.solve", "report"),
+        ("identification/reporting/svg.py", "import scipy.stats", "report"),
         ("identification/quantities.py", "import fastapi", "library"),
         ("app/runs/endpoints.py", "import app.runs.repository", "endpoints"),
         ("app/fits/service.py", "import fastapi", "services"),
@@ -151,7 +151,7 @@ def test_no_import_points_upwards(sources: Path) -> None:
         ("app.cli", ("fastapi", "starlette", "uvicorn", "sqlalchemy", "httpx")),
         ("motorid.client", ("app", "identification", "numpy", "pandas", "casadi", "pydantic")),
         # The first page of a result waits for this import; scipy.stats would double the time.
-        ("identification.report.tables", ("scipy.stats", "pandas", "casadi", "numba")),
+        ("identification.reporting.tables", ("scipy.stats", "pandas", "casadi", "numba")),
     ],
 )
 def test_each_package_loads_only_its_own_dependencies(module: str, absent: tuple[str, ...]) -> None:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from identification import FitOptions, identify
 from identification.effects.effect import AbstractEffect
 from identification.effects.load import LoadStep
-from identification.feedback.closed_loop import acting_terms
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.composite import MotorModel
@@ -20,6 +19,7 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.prediction import predict
 from identification.result.simulation_errors import worse_warnings
+from identification.speed_loop.closed_loop import acting_terms
 from identification.surrogates.curve import HEIGHTS
 from identification.surrogates.curves import MissingTorque
 from tests.motors import campaign, motor_named

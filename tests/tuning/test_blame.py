@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from identification.effects.friction import CoulombFriction, StribeckFriction
-from identification.feedback.controller import parse_controller
 from identification.model.composite import MotorModel
+from identification.speed_loop.controller import parse_controller
 from identification.tuning import UncertainMotor, motor_of, parse_specification, tune
 from identification.tuning.blame import blamed, known
 from identification.tuning.hunting import hunting

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from identification.feedback.controller import PI, PID, TransferFunction, parse_controller
-from identification.feedback.loop import close, motor_draws
-from identification.feedback.step_response import StepResponse
+from identification.speed_loop.controller import PI, PID, TransferFunction, parse_controller
+from identification.speed_loop.loop import close, motor_draws
+from identification.speed_loop.step_response import StepResponse
 from identification.tuning.drive import Drive, Response
 from identification.tuning.judge import Judge
 from identification.tuning.motor import UncertainMotor, motor_of

@@ -97,7 +97,7 @@ def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -
     try:
         options = replace(defaults, **values)
         if "controllers" in values:
-            from identification.feedback.controller import parse_controllers
+            from identification.speed_loop.controller import parse_controllers
 
             parse_controllers(options.controllers)
     except InputError as error:

@@ -11,9 +11,9 @@ import pytest
 
 from app.pages.rendering import STATIC_FILES
 from app.pages.results import result_view
-from identification.report.figures.chart import Line, chart
-from identification.report.figures.drawn import drawn_chart
-from identification.report.html import render_report
+from identification.reporting.figures.chart import Line, chart
+from identification.reporting.figures.drawn import drawn_chart
+from identification.reporting.html import render_report
 from tests.reports import make_report
 
 DATA = make_report(with_effect=True)

@@ -1,0 +1,1 @@
+"""HTML report: text, tables and figures of a result; it computes no statistics."""

@@ -1,0 +1,168 @@
+"""Charts drawn as SVG, for pages that need no script.
+
+    drawn_chart(step_figure(steps))
+
+The same function draws the charts that a finished report contains: their data are a block of JSON,
+of which only numbers, known marks and escaped text reach the drawing.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.reporting.svg import Frame, axes, band, dots, line, path, span, svg, text
+
+__all__ = ["CHART", "drawn_chart"]
+
+Array = NDArray[np.float64]
+
+CHART: Final = re.compile(
+    r'<div class="chart" role="img" aria-label="(?P<words>[^"]*)">'
+    r'<script type="application/json">(?P<spec>[^<]*)</script></div>'
+)
+"""Element of a chart in a report."""
+
+_KIND: Final = re.compile(r"[a-z]+[0-9]?")
+_LEFT, _RIGHT, _TOP, _BOTTOM = 80.0, 10.0, 10.0, 42.0
+_KEY: Final = 18.0
+_PER_LETTER: Final = 9.5
+"""Width of a letter of the key in bold where the page shows the drawing small [drawing units]."""
+_BARS: Final = 0.14
+"""Height of the tallest bar over that of the plot."""
+
+
+def drawn_chart(element: str, width: float = 460.0) -> str:
+    """SVG of a chart.
+
+    Args:
+        element: Element that `chart` returns.
+        width: Width of the drawing [drawing units].
+
+    Returns:
+        SVG text.
+
+    Raises:
+        ValueError: The element is not a chart, or its data are not plottable.
+    """
+    found = CHART.fullmatch(element)
+    if found is None:
+        raise ValueError("not the element of a chart")
+    try:
+        spec = json.loads(found["spec"])
+        return _drawn(spec, html.unescape(found["words"]), width)
+    except (KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError("the data of the chart are incomplete") from error
+
+
+def _drawn(spec: Mapping[str, Any], words: str, width: float) -> str:
+    title, _, description = words.partition(". ")
+    labels = [(one["label"], _kind(one)) for one in spec["lines"] if one["label"]]
+    keys = _rows(labels, width - _RIGHT)
+    key = _KEY * len(keys)
+    height = min(float(spec["height"]), 400.0) - _BOTTOM
+    box = (_LEFT, _TOP + key, width - _LEFT - _RIGHT, height)
+    frame = Frame(box, _x_range(spec), _y_range(spec))
+    body = axes(frame, str(spec["x"]), str(spec["y"]), (10 if width > 600.0 else 6, 5))
+    for one in spec["bands"]:
+        low, high = _array(one["low"]), _array(one["high"])
+        body += band(frame, _array(one["x"]), low, high, f"band {_kind(one)}")
+    body += "".join(_mark(frame, one) for one in spec["lines"])
+    return svg(width, height + key + _TOP + _BOTTOM, title, description, body + _key(keys))
+
+
+def _mark(frame: Frame, one: Mapping[str, Any]) -> str:
+    x, y, kind = _array(one["x"]), _array(one["y"]), _kind(one)
+    match one["mark"]:
+        case "dots":
+            return dots(frame, x, y, f"dots {kind}")
+        case "few":
+            return dots(frame, x, y, "dots few")
+        case "stems":
+            return "".join(
+                line(frame, np.full(2, at), np.array([0.0, value]), f"stem {kind}")
+                for at, value in zip(x, y, strict=True)
+            )
+        case "bars":
+            return _bars(frame, x, y)
+        case "thin" | "dashed" as mark:
+            return line(frame, x, y, f"line {kind} {mark}")
+        case _:
+            return line(frame, x, y, f"line {kind}")
+
+
+def _bars(frame: Frame, x: Array, y: Array) -> str:
+    """Bars from the bottom of the plot, on a scale of their own."""
+    _, top, _, height = frame.box
+    if x.size < 2:
+        return ""
+    half = 0.5 * float(frame.x(x[1]) - frame.x(x[0]))
+    marks = ""
+    for middle, value in zip(frame.x(x), y / max(float(np.nanmax(y)), 1e-12), strict=True):
+        if value > 0.0:
+            across = np.array([middle - half, middle - half, middle + half, middle + half])
+            tall = _BARS * height * np.array([0.0, value, value, 0.0])
+            marks += path(across, top + height - tall, "bars", closed=True)
+    return marks
+
+
+_Placed = tuple[float, str, str]
+
+
+def _rows(labels: list[tuple[str, str]], right: float) -> list[list[_Placed]]:
+    """Rows of the key: the start of each label, the label and its kind."""
+    rows: list[list[_Placed]] = []
+    at = right
+    for label, kind in labels:
+        wide = _PER_LETTER * (len(label) + 3)
+        if not rows or at + wide > right:
+            rows.append([])
+            at = _LEFT
+        rows[-1].append((at, label, kind))
+        at += wide
+    return rows
+
+
+def _key(rows: list[list[_Placed]]) -> str:
+    """Labels of the series above the plot, each in the colour of its series."""
+    return "".join(
+        text(at, _TOP + 4.0 + _KEY * row, f"— {label}", f"tick strong {kind}")
+        for row, placed in enumerate(rows)
+        for at, label, kind in placed
+    )
+
+
+def _x_range(spec: Mapping[str, Any]) -> tuple[float, float]:
+    series = [*spec["lines"], *spec["bands"]]
+    has_dots = any(one["mark"] in ("dots", "few") for one in spec["lines"])
+    return span(*(_array(one["x"]) for one in series), margin=0.03 if has_dots else 0.0)
+
+
+def _y_range(spec: Mapping[str, Any]) -> tuple[float, float]:
+    if spec["range"] is not None:
+        low, high = spec["range"]
+        return float(low), float(high)
+    values = [_array(one["y"]) for one in spec["lines"] if one["mark"] != "bars"]
+    values += [_array(one[end]) for one in spec["bands"] for end in ("low", "high")]
+    return span(*values)
+
+
+def _array(values: Any) -> Array:
+    """(n_point,) numbers, NaN where the list has none."""
+    array = np.array(values, dtype=np.float64)
+    if array.ndim != 1:
+        raise ValueError("a series is not a list of numbers")
+    return array
+
+
+def _kind(one: Mapping[str, Any]) -> str:
+    kind = str(one["kind"])
+    if not _KIND.fullmatch(kind):
+        raise ValueError("a colour has an unknown name")
+    return kind

@@ -1,0 +1,295 @@
+"""First screen of a report: facts, three sentences, effects and their evidence, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from identification.reporting.loops import cold_and_hot, is_left_open, pair_text
+from identification.reporting.summary import (
+    DOWN_TO_NOISE,
+    POOR_FIT,
+    deciding_errors,
+    identified_sentence,
+    verdict_words,
+)
+from identification.result.entries import NEAR_NOISE, known_only_from
+from identification.result.numbers import (
+    count_text,
+    interval_text,
+    listed,
+    number_text,
+    percent_text,
+    probability_text,
+    signed_percent_text,
+    unit_prefix,
+    unit_text,
+)
+from identification.result.report_data import CandidateRow, MissingTerm, ReportData
+
+__all__ = [
+    "EffectTile",
+    "ErrorBar",
+    "KeyFigure",
+    "effect_tiles",
+    "error_bars",
+    "facts",
+    "headline_sentences",
+    "key_figures",
+]
+
+Entry = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class KeyFigure:
+    """One number with its label and a remark; ``tone`` is good, fair, bad or plain."""
+
+    label: str
+    value: str
+    remark: str
+    tone: str = "plain"
+
+
+@dataclass(frozen=True, eq=False)
+class EffectTile:
+    """One effect of the final model with its evidence.
+
+    Args:
+        name: Name of the effect in words.
+        place: Equation and drivers.
+        probability: Posterior model probability as text.
+        amount: First parameter of the effect with its interval.
+        evidence: Label and text of each number that supports the effect.
+        alternatives: Effects that the runs cannot exclude, with their probabilities.
+        term: Estimates of the missing quantity against the driver; None if not computed.
+    """
+
+    name: str
+    place: str
+    probability: str
+    amount: str
+    evidence: tuple[tuple[str, str], ...]
+    alternatives: str
+    term: MissingTerm | None
+
+
+@dataclass(frozen=True)
+class ErrorBar:
+    """RMSE over sensor noise of one channel on the deciding runs, before and after.
+
+    Args:
+        channel: ``current`` or ``speed``.
+        role: Role of the runs.
+        before: Noise ratio of the nominal model as text; empty if it is the final model.
+        after: Noise ratio of the final model as text.
+        fit: 100 % (1 - NRMSE) as text.
+        widths: Lengths of both bars and position of the noise, in per cent of the common scale.
+        tone: ``good``, ``fair``, ``bad`` or ``plain``.
+    """
+
+    channel: str
+    role: str
+    before: str
+    after: str
+    fit: str
+    widths: tuple[float, float, float]
+    tone: str
+
+
+def facts(data: ReportData) -> list[tuple[str, str]]:
+    """Label and text of the origin of the result: motor, date, runs, options and software."""
+    result = data.result
+    options: Entry = result.get("options") or {}
+    runs: Sequence[Entry] = result["runs"]
+    roles = [run["role"] for run in runs]
+    rows = sum(int(run["rows"]) for run in runs)
+    counts = f"{roles.count('training')} training, {roles.count('validation')} validation"
+    label: Entry = result.get("label") or {}
+    found = [
+        ("Motor", label.get("motor", "")),
+        ("Bench", label.get("bench", "")),
+        ("Date", data.created),
+        ("Runs", f"{counts}; {count_text(rows)} samples"),
+        ("Options", _options_text(options)),
+        ("Software", f"motorid {result['software']['motorid']}"),
+    ]
+    return [(label, text) for label, text in found if text]
+
+
+def _options_text(options: Entry) -> str:
+    """Options in the words of the command line, defaults included where they matter."""
+    if not options:
+        return ""
+    words = [f"effort {options.get('effort', 'normal')}", f"hold {options.get('hold', 'auto')}"]
+    words += ["no effect search"] if options.get("effects") is False else []
+    words += ["no posterior"] if options.get("posterior") is False else []
+    words += [f"time limit {options['time_limit']:g} s"] if options.get("time_limit") else []
+    words += [f"known {value}" for value in options.get("known") or ()]
+    words += [f"nameplate {options['nameplate']}"] if options.get("nameplate") else []
+    return ", ".join([*words, f"seed {options.get('seed', 0)}"])
+
+
+def headline_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
+    """Up to three sentences: the effects found, the quality of the model, the parameters.
+
+    Args:
+        result: Content of result.json.
+        coloured: Channels whose residual is not white on the deciding runs.
+    """
+    role, _ = deciding_errors(result)
+    verdict = verdict_words(result, coloured).removeprefix("but ")
+    quality = f"On the {role} runs, {verdict}." if verdict else ""
+    if result.get("forced"):
+        forced = "The runs contradict the motor equations or each other, and the fit was forced."
+        return [forced, "Do not rely on any number below.", *([quality] if quality else [])]
+    sentences = [_effects_sentence(result), quality, identified_sentence(result)]
+    return [sentence for sentence in sentences if sentence]
+
+
+def _effects_sentence(result: Entry) -> str:
+    effects = [
+        f"{effect['name'].replace('_', ' ')} "
+        f"(probability {probability_text(effect['probability'])})"
+        for effect in result["effects"]
+    ]
+    if effects:
+        noun = "an effect" if len(effects) == 1 else f"{len(effects)} effects"
+        return f"The motor has {noun} beyond the nominal model: {listed(effects)}."
+    if (result.get("options") or {}).get("effects") is False:
+        return "No effects were searched: the nominal model is final."
+    return "No effect beyond the nominal model was found."
+
+
+def effect_tiles(data: ReportData) -> list[EffectTile]:
+    """One tile per effect of the final model, strongest evidence first."""
+    terms = data.account.terms if data.account else ()
+    candidates = data.account.candidates if data.account else ()
+    return [
+        EffectTile(
+            name=effect["name"].replace("_", " ").capitalize(),
+            place=_place(effect),
+            probability=probability_text(effect["probability"]),
+            amount=_amount(effect["parameters"]),
+            evidence=_evidence(effect["name"], candidates),
+            alternatives=listed(
+                [
+                    f"{other['name'].replace('_', ' ')} {probability_text(other['probability'])}"
+                    for other in effect["alternatives"]
+                ]
+            ),
+            term=next((term for term in terms if term.effect == effect["name"]), None),
+        )
+        for effect in data.result["effects"]
+    ]
+
+
+def _place(effect: Entry) -> str:
+    where = f"{effect['equation']} equation"
+    return f"{where}, function of {listed(effect['drivers'])}" if effect["drivers"] else where
+
+
+def _amount(parameters: Entry) -> str:
+    """First parameter of an effect, which is its amplitude, with its interval."""
+    if not parameters:
+        return ""
+    name, entry = next(iter(parameters.items()))
+    ends = (entry["median"], entry["q05"], entry["q95"])
+    factor, unit = unit_prefix(entry["unit"], ends)
+    text = interval_text(*(None if end is None else factor * end for end in ends))
+    written = f"{name.rpartition('.')[2]} {text.median}{text.power} {unit_text(unit)}".rstrip()
+    return written if text.low == text.high else f"{written} ({text.low} … {text.high})"
+
+
+def _evidence(name: str, candidates: Sequence[CandidateRow]) -> tuple[tuple[str, str], ...]:
+    for candidate in candidates:
+        if candidate.name == name and candidate.verdict == "chosen":
+            explained = None if candidate.explained is None else -candidate.explained
+            changes = (("training", explained), ("validation", candidate.validation))
+            return tuple(
+                (f"Squared error, {role}", signed_percent_text(change))
+                for role, change in changes
+                if change is not None
+            )
+    return ()
+
+
+def error_bars(result: Entry, coloured: Sequence[str] = ()) -> list[ErrorBar]:
+    """Noise ratios of the deciding runs before and after, all on one scale.
+
+    Args:
+        result: Content of result.json.
+        coloured: Channels whose residual is not white on the deciding runs.
+    """
+    role, errors = deciding_errors(result)
+    earlier = (result["errors"]["before"].get(role) or {}) if result["effects"] else {}
+    ratios = {
+        channel: ((earlier.get(channel) or {}).get("noise_ratio"), errors[channel]["noise_ratio"])
+        for channel in ("current", "speed")
+        if errors.get(channel)
+    }
+    top = max([1.25, *(ratio for pair in ratios.values() for ratio in pair if ratio is not None)])
+    bars = []
+    for channel, (before, after) in ratios.items():
+        nrmse = errors[channel]["nrmse"]
+        tone = _tone(after, channel in coloured)
+        bars.append(
+            ErrorBar(
+                channel=channel,
+                role=role,
+                before="" if before is None else number_text(before, 3),
+                after=number_text(after, 3),
+                fit="" if nrmse is None else f"{percent_text(1.0 - nrmse, 4)} fit",
+                widths=(_width(before, top), _width(after, top), _width(1.0, top)),
+                tone="bad" if (nrmse or 0.0) > POOR_FIT else tone,
+            )
+        )
+    return bars
+
+
+def _width(ratio: float | None, top: float) -> float:
+    return 0.0 if ratio is None else round(min(max(100.0 * ratio / top, 0.0), 100.0), 1)
+
+
+def key_figures(result: Entry) -> list[KeyFigure]:
+    """Number of identified parameters, and figures of one speed loop cold and hot.
+
+    The loop is that of the controller that suits the motor, or of the first one without it.
+
+    Args:
+        result: Content of result.json.
+    """
+    entries = result["parameters"].values()
+    known = sum(1 for entry in entries if entry["identified"] and not known_only_from(entry))
+    tone = "good" if known == len(entries) else "fair"
+    count = KeyFigure("Parameters identified", f"{known} of {len(entries)}", "", tone)
+    return [count, *_loop_figures(result)]
+
+
+def _loop_figures(result: Entry) -> list[KeyFigure]:
+    suited = result.get("feedback_suited") or []
+    ends = cold_and_hot(suited or result["feedback"])
+    if ends is None:
+        return []
+    cold, hot = ends
+    remark = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C, {cold['controller']}"
+    return [
+        KeyFigure(label, "not determined", remark, "fair")
+        if is_left_open(result, ends, key)
+        else KeyFigure(label, pair_text(cold[key], hot[key], " → ", unit), remark)
+        for key, label, unit in (
+            ("rise_time_s", "Rise time", "s"),
+            ("overshoot_percent", "Overshoot", "%")
+            if suited
+            else ("steady_state", "Final value", ""),
+        )
+    ]
+
+
+def _tone(ratio: float | None, is_coloured: bool) -> str:
+    if ratio is None:
+        return "plain"
+    if is_coloured:
+        return "fair" if ratio <= NEAR_NOISE else "bad"
+    return "good" if ratio <= DOWN_TO_NOISE else "fair" if ratio <= NEAR_NOISE else "bad"

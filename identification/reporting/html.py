@@ -1,0 +1,200 @@
+"""HTML report as one self-contained file: it needs no server, no network and no other file.
+
+    text = render_report(data)
+    write_text(directory / "report.html", text)
+
+The template engine escapes all external text, the data for the script are in a block that is never
+executed, and the content security policy admits only the page's own two scripts, by their hashes.
+`content_security_policy` returns the same policy for an HTTP header.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from importlib import resources
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from identification.reporting.figures.chart import script_json
+from identification.reporting.figures.corner import MOST_PARAMETERS, corner_figure
+from identification.reporting.figures.correlation import correlation_figure
+from identification.reporting.figures.curves import coefficient_figure, step_figure
+from identification.reporting.figures.missing import missing_over_time, missing_term_figure
+from identification.reporting.figures.trace import trace_figure
+from identification.reporting.headline import (
+    effect_tiles,
+    error_bars,
+    facts,
+    headline_sentences,
+    key_figures,
+)
+from identification.reporting.loops import loop_comparisons
+from identification.reporting.summary import further_sentences
+from identification.reporting.tables import (
+    error_rows,
+    feedback_tables,
+    parameter_rows,
+    run_rows,
+    sampler_rows,
+)
+from identification.reporting.traces import run_payloads
+from identification.reporting.warnings import warning_groups
+from identification.result.attempts import Attempts, figure
+from identification.result.entries import finite_or_null
+from identification.result.numbers import (
+    count_text,
+    number_text,
+    percent_text,
+    probability_text,
+    signed_percent_text,
+    unit_text,
+)
+from identification.result.report_data import ReportData, RunTraces
+from identification.result.residuals import (
+    ResidualCheck,
+    coloured_channels,
+    residual_checks,
+)
+
+__all__ = ["content_security_policy", "render_report"]
+
+_SCRIPTS = ("vendor/uPlot.iife.min.js", "report.js")
+_RUNS_HERE = Markup("<!-- runs -->")
+_LARGEST_PAGE = 1_950_000
+"""Size that a page has at most if its tables and figures leave room for the runs [bytes]."""
+_STYLES = ("vendor/uPlot.min.css", "report.css")
+
+
+def render_report(data: ReportData) -> str:
+    """Render the complete page.
+
+    Args:
+        data: Data to show; missing sections are omitted or reported as missing.
+
+    Returns:
+        HTML text, UTF-8 when written.
+    """
+    attempts = Attempts(list(data.undrawn))
+    data = replace(data, result=finite_or_null(data.result))
+    result, rows = data.result, attempts.rows
+    checks = attempts.part("residual check", _checks_by_role, data.runs) or {}
+    coloured = rows("whiteness", coloured_channels, next(iter(checks.values()), []))
+    page = (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            data=data,
+            result=result,
+            policy=content_security_policy(),
+            scripts=[_asset(name) for name in _SCRIPTS],
+            styles=[_asset(name) for name in _STYLES],
+            facts=rows("facts", facts, data),
+            sentences=rows("summary", headline_sentences, result, coloured),
+            further=rows("summary of the data", further_sentences, result),
+            effects=rows("effects", effect_tiles, data),
+            bars=rows("errors", error_bars, result, coloured),
+            key_figures=rows("key figures", key_figures, result),
+            warnings=rows("warnings", warning_groups, result),
+            parameters=rows("table of parameters", parameter_rows, data),
+            runs=rows("table of runs", run_rows, data),
+            runs_here=_RUNS_HERE,
+            has_before=any(run.before_speed is not None for run in data.runs),
+            checks=checks,
+            temperatures=[run.temperature for run in data.runs if run.temperature is not None],
+            feedback=rows("table of the loop", feedback_tables, result["feedback"]),
+            suited=rows("loop that suits", feedback_tables, result.get("feedback_suited") or []),
+            comparisons=rows("comparison of loops", loop_comparisons, result),
+            sampler=rows("table of the sampler", sampler_rows, data),
+            errors=rows("table of errors", error_rows, result),
+            equations=[Markup(text) for text in data.equations],  # noqa: S704  escapes names
+            undrawn=attempts.remarks,
+        )
+    )
+    room = _LARGEST_PAGE - len(page.encode("utf-8"))
+    return page.replace(
+        _RUNS_HERE, "\n".join(rows("measured and simulated run", _payloads, data, room)), 1
+    )
+
+
+@cache
+def content_security_policy() -> str:
+    """Content security policy of a report: only its own scripts and styles, images as data URLs.
+
+    Returns:
+        Value of the header ``Content-Security-Policy``.
+    """
+    scripts = " ".join(_hash(_asset(name)) for name in _SCRIPTS)
+    styles = " ".join(_hash(_asset(name)) for name in _STYLES)
+    return (
+        f"default-src 'none'; script-src {scripts}; style-src {styles}; img-src data:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("identification.reporting"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "number": number_text,
+        "percent": percent_text,
+        "probability": probability_text,
+        "change": signed_percent_text,
+        "count": count_text,
+        "unit": unit_text,
+        "capital": lambda text: text[:1].upper() + text[1:],
+        "words": lambda name: str(name).replace("_", " "),
+    }
+    # Figures are drawn in the template; one that fails leaves a line of text in its place.
+    environment.globals |= {
+        "drawn": figure,
+        "coefficient_figure": coefficient_figure,
+        "corner_figure": corner_figure,
+        "correlation_figure": correlation_figure,
+        "missing_over_time": missing_over_time,
+        "missing_term_figure": missing_term_figure,
+        "step_figure": step_figure,
+        "trace_figure": trace_figure,
+        "most_parameters": MOST_PARAMETERS,
+    }
+    return environment
+
+
+@cache
+def _asset(name: str) -> Markup:
+    """Content of a file in the template folder, inserted unchanged into the page."""
+    folder = resources.files("identification.reporting") / "templates"
+    return Markup(folder.joinpath(name).read_text("utf-8"))
+
+
+def _hash(content: str) -> str:
+    digest = hashlib.sha256(content.encode("utf-8")).digest()
+    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+
+
+def _payloads(data: ReportData, room: int) -> list[str]:
+    """Data blocks for the script, one per run; all together take `room` bytes at most."""
+    blocks = []
+    for run in run_payloads(data.runs, data.result["noise"], room - 2000 * len(data.runs)):
+        start = f'<script type="application/json" class="run" data-role="{run["role"]}">'
+        blocks.append(f"{start}{script_json(finite_or_null(run))}</script>")
+    return blocks
+
+
+def _checks_by_role(runs: Sequence[RunTraces]) -> dict[str, list[ResidualCheck]]:
+    """Residual correlations of each role with sufficiently long runs, the deciding role first."""
+    found = {
+        role: residual_checks([run for run in runs if run.role == role])
+        for role in ("validation", "training")
+    }
+    return {role: checks for role, checks in found.items() if checks}

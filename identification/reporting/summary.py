@@ -1,0 +1,264 @@
+"""Summary of the result in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from identification.reporting.loops import loop_sentence
+from identification.result.entries import NEAR_NOISE, known_only_from
+from identification.result.numbers import (
+    count_text,
+    listed,
+    number_text,
+    percent_text,
+    probability_text,
+)
+
+__all__ = [
+    "DOWN_TO_NOISE",
+    "POOR_FIT",
+    "deciding_errors",
+    "further_sentences",
+    "identified_sentence",
+    "summary_sentences",
+    "verdict_words",
+]
+
+Entry = Mapping[str, Any]
+
+DOWN_TO_NOISE = 1.02
+_NAMED = 2
+POOR_FIT = 0.5
+"""NRMSE above which a fit is poor regardless of its noise ratio [-]."""
+
+
+def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
+    """Summary of the data, the effects, the fit quality, the parameters and the closed loop.
+
+    Args:
+        result: Content of result.json.
+        coloured: Channels whose residual is not white on the deciding runs.
+    """
+    sentences = [
+        _forced(result),
+        _campaign(result["runs"]),
+        _effects(result),
+        _shifted(result),
+        _quality(result, coloured),
+        identified_sentence(result),
+        _given(result),
+        loop_sentence(result),
+    ]
+    return [sentence for sentence in sentences if sentence]
+
+
+def further_sentences(result: Entry) -> list[str]:
+    """Sentences of the summary on the data, the biases, the given knowledge and the loop.
+
+    Args:
+        result: Content of result.json.
+    """
+    sentences = [
+        _campaign(result["runs"]), _shifted(result), _given(result), loop_sentence(result)
+    ]  # fmt: skip
+    return [sentence for sentence in sentences if sentence]
+
+
+def _forced(result: Entry) -> str:
+    """Warning on a forced fit, which the checks would have refused."""
+    if not result.get("forced"):
+        return ""
+    return (
+        "The runs contradict the motor equations or each other, and the fit was forced: do not "
+        "rely on any number below (see Warnings)."
+    )
+
+
+def _campaign(runs: Sequence[Entry]) -> str:
+    fitted = [run for run in runs if run["role"] == "training"]
+    checked = [run for run in runs if run["role"] == "validation"]
+    sentence = f"The model was fitted to {_runs_and_rows(fitted)}"
+    if not checked:
+        return f"{sentence}; there are no validation runs."
+    seen = sum(_was_fitted(run, runs) for run in checked)
+    if seen == len(checked):
+        which = "validation run is" if seen == 1 else "validation runs are"
+        return (
+            f"{sentence}; the {which} identical to training runs, so there is no independent "
+            "validation."
+        )
+    if seen:
+        return (
+            f"{sentence} and validated on {_runs_and_rows(checked)}; {seen} of these runs "
+            f"{'is' if seen == 1 else 'are'} identical to training runs."
+        )
+    return f"{sentence} and validated on {_runs_and_rows(checked)} not used in the fit."
+
+
+def _was_fitted(run: Entry, runs: Sequence[Entry]) -> bool:
+    """Whether a run holds the same samples as a training run."""
+    place = run.get("same_as")
+    return place is not None and runs[place]["role"] == "training"
+
+
+def _runs_and_rows(runs: Sequence[Entry]) -> str:
+    rows = sum(int(run["rows"]) for run in runs)
+    noun = "run" if len(runs) == 1 else "runs"
+    return f"{len(runs)} {noun} with {count_text(rows)} samples"
+
+
+def _effects(result: Entry) -> str:
+    parts = []
+    for effect in result["effects"]:
+        name = effect["name"].replace("_", " ")
+        label = "driver" if len(effect["drivers"]) == 1 else "drivers"
+        details = [f"{label}: {listed(effect['drivers'])}"] if effect["drivers"] else []
+        details += [f"probability {probability_text(effect['probability'])}"]
+        details += [
+            f"alternative: {item['name'].replace('_', ' ')} {probability_text(item['probability'])}"
+            for item in effect["alternatives"]
+        ]
+        parts.append(f"{name} in the {effect['equation']} equation ({', '.join(details)})")
+    return f"The final model extends the nominal model by {listed(parts)}." if parts else ""
+
+
+def _shifted(result: Entry) -> str:
+    """Sentence on the parameters that the missing effects biased most."""
+    shifts = (result["diagnosis"].get("shifts") or {}).items()
+    medians = {
+        name: shift["relative"]["median"]
+        for name, shift in shifts
+        if shift["off"] and shift["relative"]["median"] is not None
+    }
+    worst = sorted(medians, key=lambda name: -abs(medians[name]))[:_NAMED]
+    if not worst:
+        return ""
+    biases = [
+        f"{name} {percent_text(abs(medians[name]), 2)} too {'high' if medians[name] > 0 else 'low'}"
+        for name in worst
+    ]
+    cause = "this effect" if len(result["effects"]) == 1 else "these effects"
+    return f"Without {cause}, the fit estimates {listed(biases)}."
+
+
+def _quality(result: Entry, coloured: Sequence[str]) -> str:
+    role, errors = deciding_errors(result)
+    ratios = {
+        channel: errors[channel]["noise_ratio"]
+        for channel in ("current", "speed")
+        if errors.get(channel) and errors[channel]["noise_ratio"] is not None
+    }
+    if not ratios:
+        return ""
+    before = (result["errors"]["before"].get(role) or {}) if result["effects"] else {}
+    ratio_text = listed(
+        [
+            f"{number_text(ratio, 3)} for the {name}{_formerly(before.get(name))}"
+            for name, ratio in ratios.items()
+        ]
+    )
+    verdict = verdict_words(result, coloured)
+    return f"On the {role} runs, the ratio of RMSE to sensor noise is {ratio_text}: {verdict}."
+
+
+def verdict_words(result: Entry, coloured: Sequence[str]) -> str:
+    """Interpretation of the noise ratios on the deciding runs; empty if there are none.
+
+    Args:
+        result: Content of result.json.
+        coloured: Channels whose residual is not white on the deciding runs.
+    """
+    _, errors = deciding_errors(result)
+    known = {name: error for name, error in errors.items() if error}
+    ratios = [error["noise_ratio"] for error in known.values() if error["noise_ratio"] is not None]
+    missed = listed(
+        [
+            f"the {channel} (NRMSE {percent_text(error['nrmse'], 3)})"
+            for channel, error in known.items()
+            if (error["nrmse"] or 0.0) > POOR_FIT
+        ]
+    )
+    if missed:
+        return (
+            f"but the model explains little of {missed}; either it does not apply to these runs, "
+            "or the sensor signal is mostly noise"
+        )
+    return _verdict(result, max(ratios), coloured) if ratios else ""
+
+
+def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
+    """Interpretation of the noise ratio together with the other residual tests."""
+    remaining = result["diagnosis"].get("remaining") or {}
+    failed = {check["role"] for check in remaining.get("checks", []) if not check["passed"]}
+    if failed == {"validation"}:
+        return (
+            "the model explains the training runs but not the validation runs; these contain an "
+            "effect of the motor, the load or a sensor that no training run contains"
+        )
+    if worst > NEAR_NOISE and (failed or not remaining):
+        return "the model lacks an effect of the motor or of a sensor"
+    if worst <= NEAR_NOISE and coloured:
+        # If the noise is estimated from the same residuals, a ratio of 1 proves nothing.
+        return (
+            f"but the residual of {listed([f'the {name}' for name in coloured])} is not white; "
+            "either the sensor has a lag or the model lacks an effect (see Residuals)"
+        )
+    if failed:
+        return "but the model does not explain the training runs down to their noise"
+    if worst <= (NEAR_NOISE if remaining else DOWN_TO_NOISE):
+        return "the residual does not exceed the sensor noise"
+    if worst <= NEAR_NOISE:
+        return "a small part of the residual exceeds the sensor noise"
+    return "the excess is within the scatter of so few samples"
+
+
+def _formerly(error: Entry | None) -> str:
+    ratio = error["noise_ratio"] if error else None
+    return "" if ratio is None else f" (nominal model: {number_text(ratio, 3)})"
+
+
+def identified_sentence(result: Entry) -> str:
+    """Sentence on the parameters that the runs do or do not determine; empty if forced."""
+    entries: Entry = result["parameters"]
+    if result.get("forced"):
+        return ""
+    unknown = [name for name, entry in entries.items() if not entry["identified"]]
+    given = [name for name, entry in entries.items() if known_only_from(entry)]
+    if given:
+        verb = "is" if len(unknown) == 1 else "are"
+        rest = f"; {listed(unknown)} {verb} not identified at all" if unknown else ""
+        return (
+            f"The runs do not determine {listed(given)}; the value comes only from the given "
+            f"knowledge (known values, nameplate){rest}."
+        )
+    if unknown:
+        return (
+            f"The runs do not determine {listed(unknown)}; treat "
+            f"{'its value' if len(unknown) == 1 else 'their values'} as unknown."
+        )
+    return f"The runs determine all {len(entries)} parameters."
+
+
+def _given(result: Entry) -> str:
+    """Sentence on known values of the user that the intervals include."""
+    entries: Entry = result["parameters"]
+    used = [name for name, entry in entries.items() if (entry.get("prior") or {}).get("used")]
+    if not used:
+        return ""
+    return f"The intervals include the given knowledge (known values, nameplate) of {listed(used)}."
+
+
+def deciding_errors(result: Entry) -> tuple[str, Entry]:
+    """Errors of the final model on the validation runs; on the training runs if there are none.
+
+    Validation runs that are all identical to training runs do not count.
+    """
+    after: Entry = result["errors"]["after"]
+    validation = after.get("validation")
+    checked = [run for run in result["runs"] if run["role"] == "validation"]
+    if all(_was_fitted(run, result["runs"]) for run in checked):
+        validation = None
+    if validation and any(item and item["rmse"] is not None for item in validation.values()):
+        return "validation", validation
+    return "training", after.get("training") or {}

@@ -1,0 +1,304 @@
+"""Rows of the report tables as text, from the result and the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from identification.quantities import DECLARED_PARAMETERS
+from identification.reporting.loops import METRICS, MetricRow, metric_row
+from identification.result.entries import known_only_from
+from identification.result.numbers import (
+    UNKNOWN,
+    Interval,
+    count_text,
+    interval_text,
+    number_text,
+    percent_text,
+    signed_percent_text,
+    unit_prefix,
+    unit_text,
+)
+from identification.result.report_data import ReportData, RunTraces
+from identification.result.residuals import channel_errors, channel_whiteness
+
+__all__ = [
+    "ErrorRow",
+    "FeedbackTable",
+    "ParameterRow",
+    "RunLine",
+    "SamplerRow",
+    "error_rows",
+    "feedback_tables",
+    "parameter_rows",
+    "run_rows",
+    "sampler_rows",
+]
+
+Entry = Mapping[str, Any]
+
+_SOURCES = {
+    "Ra25": "eq. 11",
+    "alpha_Ra": "eq. 11: 0.0040 for copper",
+    "Kt25": "eqs. 1, 2 and 12",
+    "alpha_Kt": "eq. 12: −0.0020 for the magnet",
+    "J": "eqs. 3–6",
+    "b": "eqs. 3–6",
+    "L": "eqs. 3–6",
+}
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One parameter of the final model; ``shift`` is the relative error of the nominal model."""
+
+    name: str
+    meaning: str
+    unit: str
+    value: Interval
+    is_identified: bool
+    reason: str
+    source: str
+    before: Interval | None
+    shift: str
+    shift_bounds: str = ""
+
+
+@dataclass(frozen=True)
+class RunLine:
+    """One run: its extent, and for each channel fit, noise ratio and p-value of the whiteness."""
+
+    name: str
+    role: str
+    rows: str
+    duration: str
+    temperature: str
+    current: tuple[str, str, str]
+    speed: tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """One channel on the runs of one role, before and after: RMSE, NRMSE and noise ratio."""
+
+    role: str
+    channel: str
+    unit: str
+    before: tuple[str, str, str]
+    after: tuple[str, str, str]
+    change: str
+
+
+@dataclass(frozen=True)
+class FeedbackTable:
+    """Closed-loop metrics of one controller: one column per temperature, one row per metric.
+
+    `statements` says for each temperature whether the loop is stable, if the result states it.
+    """
+
+    controller: str
+    temperatures: tuple[str, ...]
+    rows: tuple[MetricRow, ...]
+    statements: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SamplerRow:
+    """One diagnostic of the sampler; the verdict is empty if no warning depends on it."""
+
+    label: str
+    value: str
+    criterion: str
+    verdict: str
+
+
+def parameter_rows(data: ReportData) -> list[ParameterRow]:
+    """Parameters of the motor, then those of each effect."""
+    result = data.result
+    declared: Entry = result["declared"]["parameters"]
+    has_effects = bool(result["effects"])
+    rows = [
+        _parameter_row(name, entry, data, declared.get(name) if has_effects else None)
+        for name, entry in result["parameters"].items()
+    ]
+    listed = {row.name for row in rows}
+    for effect in result["effects"]:
+        for name, entry in effect["parameters"].items():
+            if name not in listed:
+                row = _parameter_row(name, entry, data, None)
+                rows.append(replace(row, meaning=f"of {effect['name']}"))
+    return rows
+
+
+def run_rows(data: ReportData) -> list[RunLine]:
+    """One row per run, in the given order."""
+    return [_run_row(run, data.result["noise"]) for run in data.runs]
+
+
+def error_rows(result: Entry) -> list[ErrorRow]:
+    """Errors of the nominal and the final model, validation runs first because they decide."""
+    rows = []
+    for role in ("validation", "training"):
+        for channel, unit in (("current", "A"), ("speed", "rad/s")):
+            before = (result["errors"]["before"].get(role) or {}).get(channel)
+            after = (result["errors"]["after"].get(role) or {}).get(channel)
+            if before is None or after is None:
+                continue
+            rows.append(
+                ErrorRow(
+                    role, channel, unit, _error_texts(before), _error_texts(after),
+                    _change(before["rmse"], after["rmse"]),
+                )
+            )  # fmt: skip
+    return rows
+
+
+def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
+    """One table per controller, temperatures from cold to hot."""
+    tables = []
+    for controller in dict.fromkeys(str(entry["controller"]) for entry in feedback):
+        entries = sorted(
+            (entry for entry in feedback if entry["controller"] == controller),
+            key=lambda entry: float(entry["temperature_degC"]),
+        )
+        rows = tuple(
+            metric_row(label, [entry[key] for entry in entries])
+            for key, label in METRICS.items()
+            if all(entry.get(key) is not None for entry in entries)
+        )
+        columns = tuple(f"{entry['temperature_degC']:g} °C" for entry in entries)
+        statements = tuple(str(entry.get("statement", "")) for entry in entries)
+        tables.append(FeedbackTable(controller, columns, rows, statements))
+    return tables
+
+
+def sampler_rows(data: ReportData) -> list[SamplerRow]:
+    """Diagnostics of the sampler, judged by the limits of its warning; empty without a sampler."""
+    sampler, chain = data.result["sampler"], data.posterior
+    if not sampler:
+        return []
+    length = sampler["steps"] / sampler["autocorrelation_time"]
+    limits = (None, None) if chain is None else (chain.least_length, chain.largest_r_hat)
+    least, largest = limits
+    return [
+        SamplerRow(
+            "Walkers × steps after burn-in",
+            f"{count_text(sampler['walkers'])} × {count_text(sampler['steps'])}",
+            "",
+            "",
+        ),
+        SamplerRow(
+            "Length of the chain",
+            f"{number_text(length, 3)} autocorrelation times",
+            "" if least is None else f"at least {least:g}",
+            "" if least is None else _met(length >= least),
+        ),
+        SamplerRow(
+            "R-hat, largest",
+            number_text(sampler["r_hat_max"], 4),
+            "" if largest is None else f"at most {largest:g}",
+            "" if largest is None else _met(sampler["r_hat_max"] <= largest),
+        ),
+        SamplerRow("Effective sample size, smallest", number_text(sampler["ess_min"], 3), "", ""),
+        SamplerRow("Acceptance", percent_text(sampler["acceptance"], 2), "", ""),
+    ]
+
+
+def _met(is_met: bool) -> str:
+    return "yes" if is_met else "no"
+
+
+def _parameter_row(
+    name: str, entry: Entry, data: ReportData, declared: Entry | None
+) -> ParameterRow:
+    known = DECLARED_PARAMETERS.get(name)
+    is_identified = bool(entry["identified"])
+    reason = "" if is_identified else data.reasons.get(name, "the runs do not determine it")
+    if origin := known_only_from(entry):
+        is_identified, reason = False, f"from {origin}, not from the runs"
+    ends = [one["median"] for one in (entry, declared) if one]
+    factor, unit = unit_prefix(entry["unit"], ends)
+    return ParameterRow(
+        name=name,
+        meaning=known.meaning.replace("degC", "°C") if known else "",
+        unit=unit_text(unit),
+        value=_interval(entry, factor),
+        is_identified=is_identified,
+        reason=reason,
+        source=_SOURCES.get(name, ""),
+        before=_interval(declared, factor) if declared else None,
+        shift=_shift(declared, entry) if declared else "",
+        shift_bounds=_shift_bounds(name, data.result) if declared else "",
+    )
+
+
+def _run_row(run: RunTraces, noise: Entry) -> RunLine:
+    return RunLine(
+        name=run.name,
+        role=run.role,
+        rows=count_text(run.time.size),
+        duration=f"{number_text(float(run.time[-1] - run.time[0]), 3)} s",
+        temperature=_temperature_text(run),
+        current=_channel_texts(run, "current", noise["current_A"]),
+        speed=_channel_texts(run, "speed", noise["speed_rad_s"]),
+    )
+
+
+def _channel_texts(run: RunTraces, channel: str, noise: float | None) -> tuple[str, str, str]:
+    test, errors = channel_whiteness(run, channel), channel_errors(run, channel)
+    return (
+        percent_text(1.0 - errors.nrmse, 4) if errors else UNKNOWN,
+        number_text(errors.rmse / noise if errors and noise else None, 3),
+        _probability(test.p_value) if test else UNKNOWN,
+    )
+
+
+def _temperature_text(run: RunTraces) -> str:
+    if run.temperature is None or not np.isfinite(run.temperature).any():
+        return "not logged"
+    low, high = np.nanmin(run.temperature), np.nanmax(run.temperature)
+    return f"{low:.0f} °C" if high - low < 1.0 else f"{low:.0f}–{high:.0f} °C"
+
+
+def _probability(value: float) -> str:
+    return "< 0.001" if value < 0.001 else f"{value:.3f}"
+
+
+def _interval(entry: Entry, factor: float) -> Interval:
+    ends = (entry[key] for key in ("median", "q05", "q95"))
+    return interval_text(*(None if end is None else factor * end for end in ends))
+
+
+def _error_texts(entry: Entry) -> tuple[str, str, str]:
+    return (
+        number_text(entry["rmse"], 3),
+        percent_text(entry["nrmse"], 3),
+        number_text(entry["noise_ratio"], 4),
+    )
+
+
+def _change(before: float | None, after: float | None) -> str:
+    """Relative change of the RMSE; unknown if both models have the same error."""
+    if not before or after is None or before == after:
+        return UNKNOWN
+    return signed_percent_text(after / before - 1.0)
+
+
+def _shift(declared: Entry, final: Entry) -> str:
+    """Deviation of the nominal model, in per cent of the final value."""
+    if declared["median"] is None or not final["median"]:
+        return UNKNOWN
+    return signed_percent_text((declared["median"] - final["median"]) / abs(final["median"]))
+
+
+def _shift_bounds(name: str, result: Entry) -> str:
+    """90 % interval of the shift; empty if the result has none."""
+    shift = (result["diagnosis"].get("shifts") or {}).get(name)
+    if shift is None or None in (shift["relative"]["q05"], shift["relative"]["q95"]):
+        return ""
+    low, high = (100.0 * shift["relative"][key] for key in ("q05", "q95"))
+    decimals = interval_text(0.0, low, high).low.partition(".")[2]
+    return f"{low:+.{len(decimals)}f} … {high:+.{len(decimals)}f} %".replace("-", "−")

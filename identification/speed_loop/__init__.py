@@ -1,0 +1,48 @@
+"""Performance of the identified motor in a closed speed loop at chosen temperatures.
+
+    controller.py     controllers: P:1, PI:2,0.5, PID:2,0.5,0.1 and the class of further ones
+    metrics.py        step metrics, and their distribution over the posterior draws
+    loop.py           motor and controller as transfer functions, one for each draw
+    roots.py          roots of many polynomials at once
+    modes.py          sums of exponential modes, also for coincident poles
+    envelope.py       time after which such a sum stays below a level
+    turns.py          zeros of the derivative of such a sum, from which monotone pieces follow
+    step_response.py  rise, settling, peak and overshoot, exactly
+    margins.py        gain margin, phase margin and bandwidth, exactly
+    delayed_margins.py  the same margins with a delay
+    tuning.py         the PI controller that suits a motor
+    spread.py         the feedback list of a result: these metrics at each temperature
+    curves.py         step responses with bands, for plotting
+    closed_loop.py    simulation of the loop with the effects of the motor
+    sampled.py        rise, settling, peak and overshoot of a simulated response
+    nonlinear.py      feedback metrics of the motor with its effects
+    table.py          feedback metrics as a DataFrame
+
+Each module imports only modules above it.  The entry points are `feedback_metrics`, `step_curves`
+and, for the motor with its effects, `nonlinear.simulated_loops`.
+"""
+
+from __future__ import annotations
+
+from identification.speed_loop.controller import (
+    AbstractController,
+    TransferFunction,
+    parse_controller,
+    parse_controllers,
+)
+from identification.speed_loop.curves import StepCurve, step_curves
+from identification.speed_loop.metrics import METRIC_UNITS
+from identification.speed_loop.spread import feedback_metrics
+from identification.speed_loop.tuning import suited_controller
+
+__all__ = [
+    "METRIC_UNITS",
+    "AbstractController",
+    "StepCurve",
+    "TransferFunction",
+    "feedback_metrics",
+    "parse_controller",
+    "parse_controllers",
+    "step_curves",
+    "suited_controller",
+]

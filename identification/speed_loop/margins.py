@@ -1,0 +1,159 @@
+"""Gain margin, phase margin and bandwidth from the roots of polynomials.
+
+On the imaginary axis, the squared modulus and the phase condition of a rational function are
+polynomials in x = omega^2.  Their positive real roots are all crossover frequencies, so none is
+missed between the points of a frequency grid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.speed_loop.loop import Loop
+from identification.speed_loop.roots import monic_roots
+
+__all__ = ["Margins", "bandwidth", "gain_crossovers", "open_loop", "stability_margins"]
+
+Array = NDArray[np.float64]
+
+_BANDWIDTH_DROP_DB: Final = 3.0
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Distances of a loop from the stability limit; each (n_loop,).
+
+    Args:
+        gain_db: Gain margin: the factor on the loop gain that reaches the stability limit [dB].
+            Positive: the gain may rise by it.  Negative: the limit is at a lower gain; the gain of
+            an unstable loop has to fall by it.  Of several limits the nearest counts.  Infinite if
+            no gain reaches the limit.
+        phase_deg: Phase margin: the lag that reaches the stability limit, the smallest in magnitude
+            over all gain crossover frequencies, from -180 to 180 [deg].  Negative for an unstable
+            loop.  Infinite if the loop gain is below 1 at all frequencies.
+    """
+
+    gain_db: Array
+    phase_deg: Array
+
+
+def stability_margins(loop: Loop) -> Margins:
+    """Gain and phase margin of each loop.
+
+    Args:
+        loop: Open loops N / D.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Margins(_gain_margin(loop), _phase_margin(loop))
+
+
+def bandwidth(loop: Loop) -> Array:
+    """Lowest frequency at which the closed-loop gain is 3 dB below the DC gain [rad/s].
+
+    NaN if the DC gain is zero or not finite.  3 dB is the factor 10^(3/20), not the root of 2.
+
+    Args:
+        loop: The loops; the bandwidth is meaningful for stable ones only.
+    """
+    closed = _squared_modulus(loop.closed_denominator)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wanted = 10 ** (_BANDWIDTH_DROP_DB / 10) / loop.final_value**2
+        has_value = np.isfinite(wanted)
+        numerator = _squared_modulus(loop.closed_numerator)
+        closed[:, 1:] -= np.where(has_value, wanted, 0.0)[:, None] * numerator
+    return np.where(has_value, np.nanmin(_positive(closed), axis=1, initial=np.inf), np.nan)
+
+
+def open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
+    """L(j omega) of each loop at its own frequencies, (n_loop, n_frequency) [rad/s]."""
+    s = 1j * frequency
+    value = [np.zeros_like(s), np.zeros_like(s)]
+    for k, polynomial in enumerate((loop.numerator, loop.open_denominator)):
+        for coefficient in polynomial.T:
+            value[k] = value[k] * s + coefficient[:, None]
+    return np.asarray(value[0] / value[1], dtype=np.complex128)
+
+
+def gain_crossovers(loop: Loop) -> Array:
+    """Frequencies at which the open-loop gain is 1, (n_loop, n_root), padded with NaN [rad/s]."""
+    crossing = _squared_modulus(loop.open_denominator)
+    crossing[:, 1:] -= _squared_modulus(loop.numerator)
+    return _positive(crossing)
+
+
+def _phase_margin(loop: Loop) -> Array:
+    lead = np.angle(-open_loop(loop, gain_crossovers(loop)), deg=True)
+    margin = _nearest_to_zero(lead)
+    return np.where(np.isnan(margin), np.inf, margin)
+
+
+def _gain_margin(loop: Loop) -> Array:
+    """Gain margin at the phase crossovers, where Im N conj(D) = 0 and Re N conj(D) < 0.
+
+    The imaginary part is omega times a polynomial in x of degree n_pole - 1 at most.
+    """
+    numerator_even, numerator_odd = _parts(loop.numerator)
+    even, odd = _parts(loop.open_denominator)
+    phase = np.zeros_like(loop.numerator)
+    for sign, product in ((1, _product(numerator_odd, even)), (-1, _product(numerator_even, odd))):
+        phase[:, : product.shape[1]] += sign * product
+    # Without an integrator the DC loop gain is finite and may be negative.
+    at_rest = np.where(loop.open_denominator[:, -1:] == 0, np.nan, 0.0)
+    crossings = np.concatenate([at_rest, _positive(phase[:, ::-1])], axis=1)
+    value = open_loop(loop, crossings).real
+    margin = _nearest_to_zero(np.where(value < 0, -20 * np.log10(-value), np.nan))
+    return np.where(np.isnan(margin), np.inf, margin)
+
+
+def _nearest_to_zero(candidates: Array) -> Array:
+    """Entry of smallest magnitude in each row; NaN if the row has none."""
+    size = np.where(np.isnan(candidates), np.inf, np.abs(candidates))
+    rows = np.arange(candidates.shape[0])
+    return np.asarray(candidates[rows, size.argmin(axis=1)])
+
+
+def _positive(squared: Array) -> Array:
+    """Falling frequencies omega > 0 whose square is a root of a polynomial in falling powers.
+
+    Args:
+        squared: (n_loop, n_root + 1); leading coefficients may be 0.
+
+    Returns:
+        (n_loop, n_root), padded with NaN.
+    """
+    frequencies = np.full((squared.shape[0], squared.shape[1] - 1), np.nan)
+    leading = (squared != 0).argmax(axis=1)
+    for first in np.unique(leading[leading < squared.shape[1] - 1]):
+        rows = leading == first
+        roots = monic_roots(squared[rows, first:] / squared[rows, first, None])
+        usable = (roots.imag == 0) & (roots.real > 0)
+        frequencies[rows, first:] = np.sqrt(np.where(usable, roots.real, np.nan))
+    return -np.sort(-frequencies, axis=1)
+
+
+def _parts(falling: Array) -> tuple[Array, Array]:
+    """Even and odd part of P(j omega) = even(x) + j omega odd(x), rising powers of x."""
+    even, odd = falling[:, ::-2], falling[:, -2::-2]
+    signs = (-1.0) ** np.arange(even.shape[1])
+    return even * signs, odd * signs[: odd.shape[1]]
+
+
+def _product(left: Array, right: Array) -> Array:
+    """Product of polynomials in rising powers."""
+    product = np.zeros((left.shape[0], left.shape[1] + right.shape[1] - 1))
+    for k in range(left.shape[1]):
+        product[:, k : k + right.shape[1]] += left[:, k, None] * right
+    return product
+
+
+def _squared_modulus(falling: Array) -> Array:
+    """|P(j omega)|^2 as a polynomial in x, falling powers, of the degree that P has in s."""
+    even, odd = _parts(falling)
+    rising = np.zeros_like(falling)
+    for first, part in ((0, _product(even, even)), (1, _product(odd, odd))):
+        rising[:, first : first + part.shape[1]] += part
+    return rising[:, ::-1]

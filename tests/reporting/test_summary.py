@@ -1,0 +1,301 @@
+"""Summary sentences of a report, which must not claim more than the numbers support."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from identification.reporting.headline import (
+    effect_tiles,
+    error_bars,
+    headline_sentences,
+    key_figures,
+)
+from identification.reporting.summary import summary_sentences
+from identification.reporting.tables import (
+    error_rows,
+    feedback_tables,
+    parameter_rows,
+    run_rows,
+    sampler_rows,
+)
+from identification.reporting.warnings import warning_groups
+from tests.reports import make_report
+
+
+@pytest.fixture
+def result() -> dict[str, Any]:
+    """Modifiable result of the motor without additional effects."""
+    copied: dict[str, Any] = copy.deepcopy(dict(make_report(rows=300).result))
+    return copied
+
+
+def with_ratio(result: dict[str, Any], ratio: float, role: str = "validation") -> dict[str, Any]:
+    """Set the noise ratio of the current in a result."""
+    result["errors"]["after"][role]["current"]["noise_ratio"] = ratio
+    return result
+
+
+@pytest.mark.parametrize(
+    ("ratio", "verdict", "tone"),
+    [
+        (1.00, "the residual does not exceed the sensor noise", "good"),
+        (1.06, "a small part of the residual exceeds the sensor noise", "fair"),
+        (3.00, "the model lacks an effect of the motor or of a sensor", "bad"),
+    ],
+)
+def test_the_verdict_follows_the_noise_ratio(
+    result: dict[str, Any], ratio: float, verdict: str, tone: str
+) -> None:
+    """The verdict depends on whether the ratio exceeds 1.02 and 1.1."""
+    changed = with_ratio(result, ratio)
+
+    assert verdict in " ".join(summary_sentences(changed))
+    assert error_bars(changed)[0].tone == tone
+
+
+def test_a_good_ratio_with_a_coloured_residual_is_reported(result: dict[str, Any]) -> None:
+    """Noise estimated from the residual makes the ratio 1 for any model; whiteness decides."""
+    told = " ".join(summary_sentences(result, coloured=["speed"]))
+
+    assert "does not exceed the sensor noise" not in told
+    assert "the residual of the speed is not white" in told
+    assert error_bars(result, coloured=["speed"])[1].tone == "fair"
+
+
+def test_validation_runs_decide_the_verdict(result: dict[str, Any]) -> None:
+    """Training errors are used only if there are no validation runs, and are named as such."""
+    with_ratio(result, 7.0, role="training")
+    assert "7.00" not in " ".join(summary_sentences(result))
+
+    result["errors"]["after"]["validation"] = None
+
+    assert "On the training runs, the ratio of RMSE to sensor noise is 7.00" in " ".join(
+        summary_sentences(result)
+    )
+
+
+def test_parameters_that_are_not_identified_are_named(result: dict[str, Any]) -> None:
+    """The summary lists alpha_Kt if the runs do not determine it."""
+    result["parameters"]["alpha_Kt"]["identified"] = False
+
+    assert "do not determine alpha_Kt" in " ".join(summary_sentences(result))
+
+
+def test_a_single_temperature_makes_no_sentence_about_hot_and_cold(result: dict[str, Any]) -> None:
+    """With one temperature there is no comparison."""
+    result["feedback"] = result["feedback"][:1]
+
+    assert "changes the final value" not in " ".join(summary_sentences(result))
+
+
+def test_a_shift_is_taken_relative_to_the_final_value() -> None:
+    """A nominal estimate 11 % above the final one gives a shift of +11 %."""
+    rows = {row.name: row for row in parameter_rows(make_report(rows=300, with_effect=True))}
+
+    assert rows["Ra25"].shift == "+11 %"
+    assert rows["alpha_Kt"].shift == "−11 %"
+    assert rows["torque"].meaning == "of coulomb_friction"
+    assert rows["torque"].before is None
+
+
+def test_columns_of_feedback_go_from_cold_to_hot(result: dict[str, Any]) -> None:
+    """The order of the temperatures in the result does not matter."""
+    result["feedback"].reverse()
+
+    (table,) = feedback_tables(result["feedback"])
+
+    assert table.temperatures == ("25 °C", "125 °C")
+    assert table.rows[0][0] == "Rise time, 10–90 %"
+
+
+def test_errors_of_a_role_without_runs_have_no_row(result: dict[str, Any]) -> None:
+    """A null entry in the result gives no table row."""
+    result["errors"]["after"]["validation"] = None
+
+    assert {row.role for row in error_rows(result)} == {"training"}
+
+
+def test_a_run_is_rated_by_the_noise_it_was_made_with() -> None:
+    """The simulation is exact, so the noise ratio is 1 and the residual is white."""
+    for row in run_rows(make_report(rows=4000)):
+        assert float(row.current[1]) == pytest.approx(1.0, abs=0.06)
+        assert float(row.speed[1]) == pytest.approx(1.0, abs=0.06)
+        assert float(row.speed[2].removeprefix("< ")) > 0.001
+
+
+def test_a_copy_of_a_training_run_does_not_count_as_validation(result: dict[str, Any]) -> None:
+    """The summary states that there is no independent validation and reports training errors."""
+    training = [run for run in result["runs"] if run["role"] == "training"]
+    copies = [dict(run, role="validation", same_as=k) for k, run in enumerate(training)]
+
+    told = " ".join(summary_sentences(result | {"runs": training + copies}))
+
+    assert "identical to training runs, so there is no independent validation" in told
+    assert "not used in the fit" not in told
+    assert "On the training runs" in told
+
+
+def test_one_copy_among_validation_runs_is_counted(result: dict[str, Any]) -> None:
+    """The other run remains a valid validation run."""
+    training = [run for run in result["runs"] if run["role"] == "training"]
+    left_out = [run for run in result["runs"] if run["role"] == "validation"][:1]
+    copy = dict(training[0], role="validation", same_as=0)
+
+    told = " ".join(summary_sentences(result | {"runs": [*training, *left_out, copy]}))
+
+    assert "1 of these runs is identical to training runs" in told
+    assert "On the validation runs" in told
+
+
+def spread(result: dict[str, Any], name: str, factor: float) -> None:
+    """Set the interval of a loop metric to its median divided and multiplied by a factor."""
+    for entry in result["feedback"]:
+        median = entry[name]["median"]
+        entry[name] |= {"q05": median / factor, "q95": median * factor}
+
+
+def test_undetermined_loop_metrics_are_not_predicted(result: dict[str, Any]) -> None:
+    """If the shaft never turned, Kt and J are unknown by decades."""
+    result["feedback_suited"] = []
+    for name in ("Kt25", "J", "b"):
+        result["parameters"][name]["identified"] = False
+    spread(result, "rise_time_s", 200.0)
+    spread(result, "steady_state", 20.0)
+
+    told = " ".join(summary_sentences(result))
+
+    assert "these runs do not determine the rise time and the final value" in told
+    assert "changes the final value" not in told
+    assert [f.value for f in key_figures(result)[-2:]] == ["not determined", "not determined"]
+
+
+def test_the_controller_that_suits_the_motor_stands_on_the_first_screen(
+    result: dict[str, Any],
+) -> None:
+    """Without it, the figures are those of the first controller of the options."""
+    assert [f.label for f in key_figures(result)[1:]] == ["Rise time", "Overshoot"]
+    assert "PI:2,40" in key_figures(result)[1].remark
+
+    result["feedback_suited"] = []
+
+    assert [f.label for f in key_figures(result)[1:]] == ["Rise time", "Final value"]
+    assert "P:1" in key_figures(result)[1].remark
+
+
+def test_each_determined_loop_metric_is_reported(result: dict[str, Any]) -> None:
+    """Without J the rise time is undetermined, but the final value is reported."""
+    result["parameters"]["J"]["identified"] = False
+    spread(result, "rise_time_s", 200.0)
+
+    told = " ".join(summary_sentences(result))
+
+    assert "changes the final value from" in told
+    assert "; these runs do not determine the rise time." in told
+    assert "the rise time from" not in told
+
+
+def test_an_unknown_without_influence_leaves_the_loop_determined(result: dict[str, Any]) -> None:
+    """An inductance too small to be identified does not affect the loop."""
+    result["parameters"]["L"]["identified"] = False
+
+    told = " ".join(summary_sentences(result))
+
+    assert "changes the final value from" in told
+    assert "the rise time from" in told
+    assert "these runs do not determine" not in told
+
+
+@pytest.mark.parametrize("is_used", [True, False])
+def test_values_that_were_used_are_named(result: dict[str, Any], is_used: bool) -> None:
+    """The summary names the parameters whose given values were used."""
+    for name in ("Kt25", "J"):
+        result["parameters"][name]["prior"] = {
+            "value": 0.07, "sd": 7e-4, "origin": "--known", "used": is_used,
+            "identified_by_runs": True,
+        }  # fmt: skip
+
+    words = " ".join(summary_sentences(result))
+
+    assert (
+        "The intervals include the given knowledge (known values, nameplate) of Kt25 and J" in words
+    ) is is_used
+
+
+def test_three_sentences_open_the_report() -> None:
+    """Effect, quality of the model and parameters; a certain effect keeps an upper limit."""
+    result = copy.deepcopy(dict(make_report(rows=300, with_effect=True).result))
+    result["effects"][0]["probability"] = 1.0
+
+    assert headline_sentences(result) == [
+        "The motor has an effect beyond the nominal model: coulomb friction "
+        "(probability > 99.9 %).",
+        "On the validation runs, the residual does not exceed the sensor noise.",
+        "The runs determine all 7 parameters.",
+    ]
+
+
+def test_an_effect_is_shown_with_its_evidence() -> None:
+    """The tile has the estimates of the missing torque and the fall of both squared errors."""
+    (tile,) = effect_tiles(make_report(rows=300, with_effect=True))
+
+    assert tile.term is not None
+    assert tile.term.effect == "coulomb_friction"
+    assert dict(tile.evidence) == {
+        "Squared error, training": "−93 %",
+        "Squared error, validation": "−92 %",
+    }
+    assert tile.alternatives == "viscous temperature 0.9 %"
+
+
+def test_errors_before_and_after_share_one_scale() -> None:
+    """Ratios 4.2 before and 1.0 after: the longest bar is full, the other 1 / 4.2 of it."""
+    for bar in error_bars(make_report(rows=300, with_effect=True).result):
+        before, after, noise = bar.widths
+
+        assert before == 100.0
+        assert after == noise == pytest.approx(100 / 4.2, abs=0.1)
+
+
+def test_warnings_are_grouped_with_the_most_important_first(result: dict[str, Any]) -> None:
+    """The remedy is separate from the message; a warning without details is no note."""
+    result["warnings"] = ["run1.csv: a gap", "the runs do not determine J; log longer runs", "odd"]
+    result["warning_details"] = [
+        {"code": "gap", "severity": "note", "fix": ""},
+        {"code": "x", "severity": "critical", "fix": "log longer runs", "fix_http": "in the form"},
+    ]
+
+    groups = warning_groups(result)
+
+    assert [(group.severity, group.items) for group in groups] == [
+        ("critical", (("The runs do not determine J", "Log longer runs", "in the form", "x"),)),
+        ("warning", (("Odd", "", "", ""),)),
+        ("note", (("run1.csv: a gap", "", "", "gap"),)),
+    ]
+
+
+@pytest.mark.parametrize(("steps", "verdict"), [(500, "yes"), (400, "no")])
+def test_the_sampler_is_judged_by_the_limits_of_its_warning(steps: int, verdict: str) -> None:
+    """500 steps are 53 autocorrelation times of 9.4 steps; 50 are required.  Acceptance is not."""
+    data = make_report(rows=300)
+    assert data.posterior is not None
+    data.result["sampler"]["steps"] = steps
+    limited = replace(data.posterior, least_length=50.0, largest_r_hat=1.03)
+
+    rows = {row.label: row.verdict for row in sampler_rows(replace(data, posterior=limited))}
+
+    assert rows["Length of the chain"] == verdict
+    assert rows["R-hat, largest"] == "yes"
+    assert rows["Acceptance"] == ""
+
+
+def test_a_short_time_is_written_in_milliseconds(result: dict[str, Any]) -> None:
+    """Rise times of 0.72 and 0.58 s share the unit ms; the settling time of 1.28 s stays in s."""
+    (table,) = feedback_tables(result["feedback"])
+    units = {label: unit for label, unit, _ in table.rows}
+
+    assert units["Rise time, 10–90 %"] == "ms"
+    assert units["Settling time, 2 %"] == "s"
