@@ -17,7 +17,8 @@ import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from app.access import repository
+from sqlalchemy import ColumnElement, and_, delete, or_, select, update
+
 from app.database import Database
 from app.errors import BadKey
 from app.identifiers import is_id, new_id
@@ -102,13 +103,13 @@ class AccessService:
             owner=owner,
         )
         with self._database.writing() as session:
-            repository.add_key(session, key)
+            session.add(key)
         return key, secret
 
     def list_keys(self, workspace: str | None = None) -> Sequence[KeyRow]:
         """Keys of a workspace, or of all, including revoked ones, oldest first."""
         with self._database.reading() as session:
-            keys = repository.all_keys(session)
+            keys = session.scalars(select(KeyRow).order_by(KeyRow.created_at, KeyRow.id)).all()
         return [key for key in keys if workspace in (None, key.workspace)]
 
     def revoke_key(self, key_id: str, workspace: str | None = None) -> None:
@@ -121,11 +122,15 @@ class AccessService:
         Raises:
             OptionError: There is no such key, or it is already revoked.
         """
-        with self._database.writing() as session:
-            known = is_id("key", key_id) and repository.revoke(
-                session, key_id, time.time(), workspace
-            )
-        if not known:
+        wanted = update(KeyRow).where(KeyRow.id == key_id, KeyRow.revoked_at.is_(None))
+        if workspace is not None:
+            wanted = wanted.where(KeyRow.workspace == workspace)
+        revoked = None
+        if is_id("key", key_id):
+            with self._database.writing() as session:
+                statement = wanted.values(revoked_at=time.time()).returning(KeyRow.id)
+                revoked = session.execute(statement).scalar_one_or_none()
+        if revoked is None:
             raise OptionError(
                 f"{key_id!r} is no key that can be revoked; `motorid keys list` shows them",
                 value=key_id,
@@ -138,16 +143,18 @@ class AccessService:
             BadKey: The key is unknown, revoked or expired.
         """
         if len(secret) <= _LONGEST_SECRET:
+            query = select(KeyRow).where(KeyRow.digest == _digest(secret), _is_open(time.time()))
             with self._database.reading() as session:
-                key = repository.key_by_digest(session, _digest(secret), time.time())
+                key = session.scalars(query).one_or_none()
             if key is not None:
                 return self._caller(key)
         raise BadKey("the key is not valid; create one with `motorid keys create`")
 
     def open_keys(self, key_ids: Collection[str]) -> set[str]:
         """Subset of the keys that are neither revoked nor expired."""
+        query = select(KeyRow.id).where(KeyRow.id.in_(key_ids), _is_open(time.time()))
         with self._database.reading() as session:
-            return repository.open_keys(session, key_ids, time.time())
+            return set(session.scalars(query))
 
     def open_session(self, secret: str, lifetime_s: float) -> str:
         """Open a browser session with a key.
@@ -162,19 +169,15 @@ class AccessService:
         token = _SESSION_PREFIX + secrets.token_urlsafe(32)
         now = time.time()
         with self._database.writing() as session:
-            repository.remove_expired_sessions(session, now)
-            repository.add_session(
-                session,
-                SessionRow(
-                    digest=_digest(token), key_id=str(caller.key_id), expires_at=now + lifetime_s
-                ),
-            )
+            session.execute(delete(SessionRow).where(SessionRow.expires_at <= now))
+            key_id, expires_at = str(caller.key_id), now + lifetime_s
+            session.add(SessionRow(digest=_digest(token), key_id=key_id, expires_at=expires_at))
         return token
 
     def close_session(self, token: str) -> None:
         """End a session."""
         with self._database.writing() as session:
-            repository.remove_session(session, _digest(token))
+            session.execute(delete(SessionRow).where(SessionRow.digest == _digest(token)))
 
     def caller_of_session(self, token: str) -> Caller:
         """Client authenticated by a session cookie.
@@ -183,8 +186,15 @@ class AccessService:
             BadKey: The session is unknown or has ended, or its key was revoked or has expired.
         """
         if len(token) <= _LONGEST_SECRET:
+            now = time.time()
+            query = (
+                select(KeyRow)
+                .join(SessionRow, SessionRow.key_id == KeyRow.id)
+                .where(SessionRow.digest == _digest(token), SessionRow.expires_at > now)
+                .where(_is_open(now))
+            )
             with self._database.reading() as session:
-                key = repository.key_by_session(session, _digest(token), time.time())
+                key = session.scalars(query).one_or_none()
             if key is not None:
                 return self._caller(key)
         raise BadKey("the session has ended; sign in again with the key")
@@ -199,11 +209,19 @@ class AccessService:
         if used:
             with self._database.writing() as session:
                 for key_id, at in used.items():
-                    repository.note_use(session, key_id, at)
+                    session.execute(
+                        update(KeyRow).where(KeyRow.id == key_id).values(last_used_at=at)
+                    )
 
     def _caller(self, key: KeyRow) -> Caller:
         self._used[key.id] = time.time()
         return Caller(key.workspace, key.id, key.owner)
+
+
+def _is_open(now: float) -> ColumnElement[bool]:
+    """SQL condition for a key that is neither revoked nor expired."""
+    expires = or_(KeyRow.expires_at.is_(None), KeyRow.expires_at > now)
+    return and_(KeyRow.revoked_at.is_(None), expires)
 
 
 def _digest(secret: str) -> str:
