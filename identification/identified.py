@@ -19,10 +19,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import IdentificationError, InputError, UnreadableFile
 from identification.reporting.summary import summary_sentences
 from identification.result.draws import chain_draws, normal_draws
@@ -30,8 +29,6 @@ from identification.result.numbers import interval_text, unit_text
 from identification.result.tables import TableName, result_table
 
 __all__ = ["Identified", "MissingPackage", "StoredResult", "inference_data", "read_result"]
-
-Array = NDArray[np.float64]
 
 _MOST_DRAWS: Final = 2000
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["eigenvalues", "eigh", "least_squares", "root", "solution"]
+from identification.arrays import Array
 
-Array = NDArray[np.float64]
+__all__ = ["eigenvalues", "eigh", "least_squares", "root", "solution"]
 
 
 def solution(matrix: Array, right: Array) -> Array:

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import InputError
 from identification.fit.initial import fitted_initial_states
 from identification.fit.temperature import with_own_temperatures
@@ -31,8 +31,6 @@ from identification.model.simulate import Simulator
 from identification.surrogates.entry import term_of
 
 __all__ = ["model_of", "predict", "simulation_of"]
-
-Array = NDArray[np.float64]
 
 
 @np.errstate(all="ignore")

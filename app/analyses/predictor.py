@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from app.analyses.design import DesignRequest
 from app.fork_server.child import Answers, ProcessLimits, confine
+from identification.arrays import Array
 from identification.design import (
     profile_csv,
     proposal_entry,
@@ -35,8 +35,6 @@ from identification.result.report_data import RunTraces
 from identification.result.residuals import channel_errors
 
 __all__ = ["handle"]
-
-Array = NDArray[np.float64]
 
 _ROWS = 5000
 _CHARACTERS = 100_000

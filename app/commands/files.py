@@ -9,14 +9,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from identification.arrays import Array
 from identification.errors import OptionError
 
 __all__ = ["draws_of", "read_result", "writable_directory", "writable_file"]
-
-Array = NDArray[np.float64]
 
 _RESULT_FILES = ("result.json", "posterior.nc", "report.html")
 

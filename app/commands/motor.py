@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.commands import console
 from app.commands.arguments import check_mapped_files, mapping_of, run_names, values_by_name
 from app.commands.files import draws_of, read_result, writable_directory, writable_file
+from identification.arrays import Array
 from identification.errors import InputError, OptionError
 from identification.label import Label
 from identification.options import FitOptions
@@ -34,8 +34,6 @@ __all__ = [
     "motor_of",
     "predict",
 ]
-
-Array = NDArray[np.float64]
 
 _MOST_DRAWS = 2000
 

@@ -33,14 +33,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.design.response import Response
 from identification.linear import eigh, root
 
 __all__ = ["Separation", "information_bits", "narrowed", "separation"]
-
-Array = NDArray[np.float64]
 
 
 def narrowed(covariance: Array, information: Array) -> Array:

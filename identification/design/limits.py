@@ -8,15 +8,13 @@ from dataclasses import asdict, dataclass, fields
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.design.response import Predictor
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
 __all__ = ["UNITS", "Limits", "limits_of", "peaks", "slew_limited", "within"]
-
-Array = NDArray[np.float64]
 
 UNITS: Final = {
     "voltage": "V",

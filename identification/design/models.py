@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import InputError, OptionError
 from identification.linear import root
 from identification.model.composite import MotorModel
@@ -20,8 +21,6 @@ from identification.nameplate import Nameplate
 from identification.surrogates.entry import term_of
 
 __all__ = ["DesignModel", "models_of", "nameplate_models", "time_constants"]
-
-Array = NDArray[np.float64]
 
 _FARTHEST: Final = 3.0
 """Largest deviation of a draw along each principal axis, in standard deviations."""

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from identification.arrays import Array
 
 __all__ = ["Profile", "library", "multisine", "prbs", "random_levels"]
-
-Array = NDArray[np.float64]
 
 _PAUSES: Final = (0.02, 0.06)
 """Standstill at zero voltage before and after a profile, as fractions of the run [-]."""

@@ -21,8 +21,8 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.design.criteria import (
     Separation,
     information_bits,
@@ -37,8 +37,6 @@ from identification.design.task import Task
 from identification.errors import ComputationError
 
 __all__ = ["Candidate", "Designer", "Proposal", "propose"]
-
-Array = NDArray[np.float64]
 
 _SEARCH_DRAWS: Final = 8
 _CHECK_DRAWS: Final = 200

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.design.models import DesignModel
 from identification.errors import OptionError
 from identification.numerals import decimal_of
@@ -17,8 +17,6 @@ from identification.quantities import DECLARED_PARAMETERS
 from identification.speed_loop import METRIC_UNITS, feedback_metrics
 
 __all__ = ["Quantity", "parameter_quantity", "quantity_of"]
-
-Array = NDArray[np.float64]
 
 _STEP: Final = 1e-3
 """Largest step of a finite difference, in the coordinates of the fit."""

@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.design.models import DesignModel
 from identification.fit.normal_equations import state_precision
 from identification.ingest.run import Run
@@ -23,8 +23,6 @@ from identification.model.substeps import evenly
 from identification.model.tangent import tangent
 
 __all__ = ["Predictor", "Response"]
-
-Array = NDArray[np.float64]
 
 _MOST_SUBSTEPS: Final = 8
 

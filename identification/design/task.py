@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.design.limits import UNITS, Limits, limits_of
 from identification.design.models import (
     DesignModel,
@@ -23,8 +23,6 @@ from identification.nameplate import nameplate_of
 from identification.speed_loop.spread import checked_temperatures
 
 __all__ = ["DesignOptions", "Task", "task_of_nameplate", "task_of_result"]
-
-Array = NDArray[np.float64]
 
 _MOST_MODELS: Final = 6
 _FEWEST_ROWS: Final = 100

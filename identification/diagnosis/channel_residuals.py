@@ -17,9 +17,9 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft, signal, stats
 
+from identification.arrays import Array
 from identification.diagnosis.residual import cross_correlation, lagged_products
 from identification.fit.autoregression import autoregression, spectrum
 from identification.fit.evaluate import Simulated
@@ -31,8 +31,6 @@ from identification.model.simulate import Simulator
 from identification.model.tangent import tangent
 
 __all__ = ["ChannelResiduals", "residuals_of_training", "residuals_of_validation"]
-
-Array = NDArray[np.float64]
 
 _CLIP: Final = 5.0
 """Robust standard deviations at which innovations are clipped."""

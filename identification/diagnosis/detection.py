@@ -28,9 +28,9 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from identification.arrays import Array
 from identification.diagnosis.channel_residuals import (
     ChannelResiduals,
     residuals_of_training,
@@ -41,7 +41,6 @@ from identification.fit.solve import Fit
 
 __all__ = ["LEVEL", "ChannelCheck", "Detection", "detect"]
 
-Array = NDArray[np.float64]
 Channel = Literal["current", "speed"]
 Role = Literal["training", "validation"]
 

@@ -24,6 +24,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.normal_equations import state_precision
 from identification.fit.solve import Fit
 from identification.linear import least_squares
@@ -43,8 +44,6 @@ from identification.model.term import (
 )
 
 __all__ = ["Deviation", "Piece", "Structure", "deviation_of"]
-
-Array = NDArray[np.float64]
 
 
 class Disturbance(AbstractTorque, AbstractVoltage):

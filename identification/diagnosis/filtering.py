@@ -28,8 +28,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.diagnosis.deviation import Deviation, Piece, Structure
 from identification.linear import eigh
 from identification.model.scan import Scan, scan_of
@@ -44,8 +44,6 @@ __all__ = [
     "started",
     "updated",
 ]
-
-Array = NDArray[np.float64]
 
 _STRUCTURES: Final = 32
 """Compiled filters kept in the cache."""

@@ -28,17 +28,15 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from identification.arrays import Array
 from identification.diagnosis.deviation import Deviation, Piece
 from identification.diagnosis.filtering import HYPER, likelihood
 from identification.diagnosis.maximise import maximise
 from identification.fit.sensors import difference_noise
 
 __all__ = ["Hyperparameters", "longest_correlation_time", "p_value_of", "maximum_likelihood"]
-
-Array = NDArray[np.float64]
 
 _SLOW: Final = 4
 """Slow processes: missing voltage, missing torque, slow noise of current and of speed."""

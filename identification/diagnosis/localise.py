@@ -36,8 +36,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.diagnosis.deviation import Deviation, Piece, deviation_of
 from identification.diagnosis.filtering import Likelihood, likelihood
 from identification.diagnosis.intensities import (
@@ -52,8 +52,6 @@ from identification.fit.sensors import difference_noise
 from identification.fit.solve import Fit
 
 __all__ = ["LEVEL", "Deficiency", "Localisation", "Missing", "localise"]
-
-Array = NDArray[np.float64]
 
 LEVEL: Final = 0.01
 """Probability that a complete model is found deficient in either equation; each has half of it."""

@@ -18,11 +18,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.linear import solution
 
 __all__ = ["Optimum", "maximise"]
 
-Array = NDArray[np.float64]
 Valued = Callable[[Array], Array]
 """Function of (n, n_lane) points; returns (n_lane,) values, minus infinity if undefined."""
 

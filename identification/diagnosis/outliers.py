@@ -26,6 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.diagnosis.deviation import Deviation, Piece
 from identification.diagnosis.filtering import Likelihood
 from identification.diagnosis.smoothing import auxiliary_residuals
@@ -40,8 +41,6 @@ __all__ = [
     "root_mean_square",
     "with_outliers_weighted",
 ]
-
-Array = NDArray[np.float64]
 
 _RUN_RATIO: Final = 2.0
 """Error of an outlying run over the median error of the other runs, at least."""

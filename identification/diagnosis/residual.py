@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, special
 
+from identification.arrays import Array
 from identification.fit.autoregression import autoregression, spectrum
 
 __all__ = [
@@ -31,8 +32,6 @@ __all__ = [
     "lagged_products",
     "whiteness",
 ]
-
-Array = NDArray[np.float64]
 
 LEVEL = 0.99
 """Default probability that one lag stays inside the band."""

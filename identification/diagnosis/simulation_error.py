@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from identification.arrays import Array
 
 __all__ = ["Errors", "pooled_errors"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

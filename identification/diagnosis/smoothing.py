@@ -23,8 +23,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.diagnosis.deviation import Deviation, Piece, Structure
 from identification.diagnosis.filtering import (
     HYPER,
@@ -38,8 +38,6 @@ from identification.diagnosis.filtering import (
 from identification.model.scan import scan_of
 
 __all__ = ["MissingSignals", "auxiliary_residuals", "smoothed_disturbances"]
-
-Array = NDArray[np.float64]
 
 _AT_ONCE: Final = 50_000
 """Rows whose covariances are held in memory together.  A longer piece is filtered twice: the second

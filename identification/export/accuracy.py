@@ -10,16 +10,14 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
 from identification.model.substeps import divided
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["design_stiffness", "substep_errors"]
-
-Array = NDArray[np.float64]
 
 _SHARES: Final = (-1.0, -0.3, -1e-3, 0.0, 1e-3, 0.3, 1.0)
 _ROWS: Final = 600

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import InputError, OptionError
 from identification.model.declared import coefficient_at
 from identification.prediction import model_of
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     import control
 
 __all__ = ["best_values", "matrices", "polynomials", "state_space", "transfer_function"]
-
-Array = NDArray[np.float64]
 
 _EXTRA: Final = "pip install 'motorid[control]'"
 

@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import InputError
 from identification.export.accuracy import design_stiffness
 from identification.model.composite import INPUTS, MotorModel
@@ -35,8 +35,6 @@ from identification.model.term import (
 from identification.prediction import model_of
 
 __all__ = ["EXTERNAL", "ExportModel", "Exported", "exported_model"]
-
-Array = NDArray[np.float64]
 
 EXTERNAL: Final = ("load_torque", "angle_given")
 """Last two parameters of an exported model, which are inputs of the program that uses it."""

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.export.c_code import TEMPLATES
 from identification.export.language import Language, printed
 from identification.export.linear import best_values, matrices, polynomials
@@ -18,8 +18,6 @@ from identification.model.composite import INPUTS
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["SIGNALS", "continuous_notes", "equations", "linear_motors", "script"]
-
-Array = NDArray[np.float64]
 
 SIGNALS: Final = (
     "voltage", "temperature", "load_torque", "position", "position_given", "temperature_rate",

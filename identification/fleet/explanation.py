@@ -30,8 +30,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fleet.causes import CAUSES
 from identification.fleet.drift import FALSE_DISCOVERY_RATE, adjusted
 from identification.fleet.refit import Estimate, Refit
@@ -44,8 +44,6 @@ __all__ = [
     "Explanation",
     "explanations",
 ]
-
-Array = NDArray[np.float64]
 
 NONE = "none"
 UNDECIDED = "undecided"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fleet.drift import Drift
 from identification.fleet.outliers import POSITIVE, Spread
 from identification.fleet.pooling import Quantiles
@@ -19,8 +19,6 @@ from identification.reporting.svg import Frame, span, svg, text, tick_words
 from identification.result.numbers import interval_text, number_text, scaled_unit, unit_power
 
 __all__ = ["Mark", "fleet_figure", "marks_of"]
-
-Array = NDArray[np.float64]
 
 _LEFT, _WIDTH, _TOP = 66.0, 820.0, 10.0
 _LEVELS, _CHANGES, _GAP = 190.0, 120.0, 26.0

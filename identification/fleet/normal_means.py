@@ -19,11 +19,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from identification.arrays import Array
 
 __all__ = ["Population", "population_of"]
-
-Array = NDArray[np.float64]
 
 _LEVELS = (0.05, 0.5, 0.95)
 _GRID = 240

@@ -17,12 +17,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import RunFileError
 from identification.examples import Example
 
 __all__ = ["Array", "Run", "RunWarning", "Source", "SourceLocator", "write_run"]
 
-Array = NDArray[np.float64]
 """Samples of one channel, (n_sample,), unless another shape is given."""
 
 Error = TypeVar("Error", bound=RunFileError)

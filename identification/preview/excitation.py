@@ -9,11 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.ingest.run import Run
 
 __all__ = ["Excitation", "excitation_of", "joined"]
-
-Array = NDArray[np.float64]
 
 _STANDSTILL: Final = 0.01
 """Speed below which a shaft counts as standing, over the largest speed of all runs [-]."""

@@ -21,13 +21,13 @@ from typing import Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.result.numbers import count_text
 from identification.result.report_data import RunTraces
 from identification.result.residuals import gaps
 
 __all__ = ["Column", "StoredRun", "encoded", "extremes", "stored_runs"]
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int_]
 
 _RESERVED: Final = 12_000

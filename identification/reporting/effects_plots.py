@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, CampaignScales
 from identification.ingest.run import Run
@@ -27,8 +27,6 @@ from identification.reporting.svg import Frame, axes, line, svg
 from identification.result.atomic import write_text
 
 __all__ = ["Signature", "effect_plot", "main", "signature"]
-
-Array = NDArray[np.float64]
 
 FOLDER: Final = Path("docs/pictures/effects")
 

@@ -20,8 +20,9 @@ from typing import Final
 from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from identification.arrays import Array
 from identification.result.numbers import number_text
 
 __all__ = [
@@ -37,8 +38,6 @@ __all__ = [
     "tick_words",
     "ticks",
 ]
-
-Array = NDArray[np.float64]
 
 _LARGEST: Final = 1e300
 _LEAST: Final = 1e-300

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.catalogue import confusions_of
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
@@ -31,8 +31,6 @@ from identification.result.report_data import (
 from identification.speed_loop import AbstractController, step_curves
 
 __all__ = ["report_data"]
-
-Array = NDArray[np.float64]
 
 _POINTS: Final = 80
 

@@ -13,8 +13,8 @@ from importlib import metadata
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.checks.admission import Admission
 from identification.checks.finding import Finding
 from identification.checks.time_constants import time_constant_findings
@@ -59,8 +59,6 @@ from identification.speed_loop.nonlinear import nonlinear_entries
 from identification.warning import ResultWarning
 
 __all__ = ["assemble"]
-
-Array = NDArray[np.float64]
 
 _CORRELATION_DIGITS = 6
 _MOST_NAMED = 12

@@ -10,8 +10,8 @@ from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.diagnosis.detection import Detection
 from identification.diagnosis.localise import Localisation, Missing
 from identification.model.excitation import Record
@@ -19,8 +19,6 @@ from identification.result.entries import quantity_entry
 from identification.selection.outcome import Outcome
 
 __all__ = ["detection_entry", "shift_entries", "signals_at", "trace_entry"]
-
-Array = NDArray[np.float64]
 
 _DRIVERS: Final = ("current", "speed", "voltage", "temperature", "position", "time")
 _STRETCHES: Final = 20

@@ -12,14 +12,12 @@ from collections.abc import Mapping
 from typing import Any, BinaryIO, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import InputError
 from identification.quantities import DECLARED_PARAMETERS
 
 __all__ = ["chain_draws", "normal_draws"]
-
-Array = NDArray[np.float64]
 
 _SEED: Final = 0
 _LOGARITHMIC: Final = ("Ra25", "Kt25", "J")

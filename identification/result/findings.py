@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
+from identification.arrays import Array
 from identification.checks.admission import Admission
 from identification.diagnosis.detection import Detection, detect
 from identification.diagnosis.localise import Localisation
@@ -27,8 +25,6 @@ from identification.speed_loop.controller import AbstractController
 from identification.speed_loop.nonlinear import SimulatedLoop
 
 __all__ = ["CHANNELS", "Findings"]
-
-Array = NDArray[np.float64]
 
 CHANNELS = ("current", "speed")
 """Logged channels that a model predicts, in the column order of every two-channel array."""

@@ -10,12 +10,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
+
+from identification.arrays import Array
 
 __all__ = ["Density", "density", "enclosing_heights", "outlines"]
 
-Array = NDArray[np.float64]
 _Edge = tuple[int, int, bool]
 
 

@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.diagnosis.localise import Missing
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
@@ -33,8 +34,6 @@ from identification.result.partial_residuals import FinalPath, PathSamples
 from identification.result.report_data import MissingTerm, MissingTrace
 
 __all__ = ["missing_terms", "missing_traces", "undrawn_sentence", "unexplained_terms"]
-
-Array = NDArray[np.float64]
 
 _EQUATIONS: Final = ("electrical", "mechanical")
 _UNITS: Final = ("V", "N m")

@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import effects_of
 from identification.fit.solve import Fit
 from identification.result.entries import finite_or_null
 from identification.selection.outcome import Outcome
 
 __all__ = ["model_entries", "model_entry"]
-
-Array = NDArray[np.float64]
 
 
 def model_entries(outcome: Outcome | None, final: Fit, fraction: float) -> list[dict[str, Any]]:

@@ -14,14 +14,13 @@ from typing import Any, Final
 
 import h5netcdf
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from identification.arrays import Array
 from identification.result.atomic import replacing
 from identification.result.entries import INTERVAL_KIND, INTERVAL_LEVEL, SCHEMA_VERSION
 
 __all__ = ["write_posterior"]
-
-Array = NDArray[np.float64]
 
 # Level 1 with byte shuffling: on noise, higher levels cost seconds and save only a few per cent.
 _COMPRESSION: Final[dict[str, Any]] = {

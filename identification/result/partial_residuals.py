@@ -25,6 +25,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.diagnosis.localise import Localisation
 from identification.fit.solve import Fit
 from identification.linear import least_squares
@@ -33,8 +34,6 @@ from identification.model.excitation import Record
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["PathSamples", "FinalPath", "final_path"]
-
-Array = NDArray[np.float64]
 
 _DRAWS: Final = 16
 _LEAST_DRAWS: Final = 6

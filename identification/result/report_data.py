@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from identification.arrays import Array
 
 __all__ = [
     "CandidateRow",
@@ -24,8 +25,6 @@ __all__ = [
     "StepResponse",
     "SearchAccount",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

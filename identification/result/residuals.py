@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import bdtrc
 
+from identification.arrays import Array
 from identification.diagnosis.residual import (
     Correlation,
     Whiteness,
@@ -28,8 +29,6 @@ __all__ = [
     "gaps",
     "residual_checks",
 ]
-
-Array = NDArray[np.float64]
 
 _CHANCE = 1e-4
 """False alarm rate of the test for an autocorrelated residual, for each channel [-]."""

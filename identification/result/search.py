@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from identification.arrays import Array
 from identification.effects.effect import effects_of
 from identification.fit.solve import Fit
 from identification.result.entries import parameter_entry
 from identification.selection.outcome import Found, Outcome, Searched
 
 __all__ = ["effect_entries", "reason_of", "searched_entries"]
-
-Array = NDArray[np.float64]
 
 
 def effect_entries(

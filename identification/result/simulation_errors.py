@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.diagnosis.outliers import outlying_run_warnings
 from identification.diagnosis.simulation_error import pooled_errors
 from identification.fit.evaluate import Simulated
@@ -24,7 +24,6 @@ __all__ = [
     "worse_warnings",
 ]
 
-Array = NDArray[np.float64]
 Errors = dict[str, dict[str, float | None]]
 
 UNEXPLAINED_CHANNEL: Final = "unexplained_channel"

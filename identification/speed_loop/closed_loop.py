@@ -20,8 +20,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
 from identification.model.step import advance
@@ -30,8 +30,6 @@ from identification.model.term import AbstractTemperature, AbstractTerm, Express
 from identification.speed_loop.controller import AbstractController, P
 
 __all__ = ["ClosedLoop", "LoopRun", "acting_terms", "fastest_rate", "simulated_loop"]
-
-Array = NDArray[np.float64]
 
 _NO_RUN: Final = -1.0
 _KICK_STEPS: Final = 50

@@ -25,8 +25,8 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
@@ -48,7 +48,6 @@ ACCEPTED_CONTROLLERS: Final = (
 
 _LONGEST_SHOWN: Final = 60
 
-Array = NDArray[np.float64]
 Coefficients = tuple[float, ...]
 
 

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from identification.arrays import Array
 from identification.speed_loop.controller import AbstractController, parse_controllers
 from identification.speed_loop.loop import close, motor_draws
 from identification.speed_loop.spread import checked_temperatures
 from identification.speed_loop.step_response import StepResponse, step_metrics
 
 __all__ = ["StepCurve", "step_curves"]
-
-Array = NDArray[np.float64]
 
 # A settling loop is plotted for 1.4 settling times, an unstable one until its fastest mode has
 # grown by e^3.

@@ -15,14 +15,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.margins import Margins, gain_crossovers, open_loop
 
 __all__ = ["delayed_margins"]
-
-Array = NDArray[np.float64]
 
 _DECADES: Final = 5.0
 _POINTS: Final = 160

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import elementwise
 
+from identification.arrays import Array
 from identification.speed_loop.modes import Modes
 
 __all__ = ["bound_at", "time_below"]
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _LARGEST_WEIGHT: Final = 1e60

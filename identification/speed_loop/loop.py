@@ -19,16 +19,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from identification.arrays import Array
 from identification.errors import OptionError
 from identification.model.declared import coefficient_at
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
 from identification.speed_loop.controller import AbstractController
 
 __all__ = ["Loop", "close", "motor_draws", "plant"]
-
-Array = NDArray[np.float64]
 
 # Zero inductance would lower the order of the loop by one and, with a derivative gain, make it not
 # strictly proper.  This ratio of electrical to mechanical time constant changes no reported digit.

@@ -13,12 +13,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.roots import monic_roots
 
 __all__ = ["Margins", "bandwidth", "gain_crossovers", "open_loop", "stability_margins"]
-
-Array = NDArray[np.float64]
 
 _BANDWIDTH_DROP_DB: Final = 3.0
 

@@ -19,11 +19,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from identification.arrays import Array
 
 __all__ = ["BAND", "LEAST_DEFINED", "METRIC_UNITS", "RISE", "StepMetrics", "quantities", "quantity"]
-
-Array = NDArray[np.float64]
 
 METRIC_UNITS: Final = {
     "rise_time_s": "s",

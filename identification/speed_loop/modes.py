@@ -27,9 +27,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
+
 __all__ = ["Modes"]
 
-Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]

@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.term import AbstractTerm
@@ -36,8 +37,6 @@ from identification.speed_loop.spread import checked_temperatures
 from identification.speed_loop.step_response import StepResponse, step_metrics
 
 __all__ = ["SimulatedLoop", "nonlinear_entries", "simulated_loops", "with_some_inductance"]
-
-Array = NDArray[np.float64]
 
 _DRAWS: Final = 64
 _SAMPLES: Final = 1000

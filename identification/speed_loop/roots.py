@@ -18,11 +18,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.linear import eigenvalues
 
 __all__ = ["monic_roots"]
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Extended = NDArray[np.clongdouble]
 

@@ -16,11 +16,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.speed_loop.metrics import BAND, RISE, StepMetrics
 
 __all__ = ["is_at_rest", "sampled_metrics"]
 
-Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.speed_loop.envelope import bound_at, time_below
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.metrics import BAND, RISE, StepMetrics
@@ -27,7 +28,6 @@ from identification.speed_loop.turns import Turns, root
 
 __all__ = ["StepResponse", "step_metrics"]
 
-Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Index = NDArray[np.intp]
 

@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import elementwise
 
+from identification.arrays import Array
 from identification.speed_loop.modes import Modes
 
 __all__ = ["Turns", "root"]
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 # Length of a window over pi / omega.  Below 1, u of `_wronskian` is positive at both ends too, so

@@ -11,11 +11,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from identification.arrays import Array
 
 __all__ = ["imitated", "is_formed"]
-
-Array = NDArray[np.float64]
 
 _SAME: Final = 0.98
 """Squared cosine above which directions count as collinear: at most 2 % of their power differs."""

@@ -16,8 +16,8 @@ from typing import ClassVar, Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import AbstractForced, Scope
 from identification.effects.parameters import amplitude
 from identification.model.excitation import Record
@@ -25,8 +25,6 @@ from identification.model.parameter import Parameter
 from identification.model.term import Expression, Signals, Values
 
 __all__ = ["HEIGHTS", "REGRESSORS", "STRAIGHT", "AbstractCurve"]
-
-Array = NDArray[np.float64]
 
 HEIGHTS: Final = 9
 _STEEP: Final = 3e-3

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import CampaignScales, Candidate
 from identification.model.excitation import Record
 from identification.model.term import AbstractTorque, AbstractVoltage, Expression, Signals, Values
@@ -21,8 +21,6 @@ from identification.surrogates.collinear import imitated
 from identification.surrogates.curve import HEIGHTS, AbstractCurve
 
 __all__ = ["MissingTorque", "MissingVoltage", "sampled"]
-
-Array = NDArray[np.float64]
 
 _NEAR_ZERO: Final = 0.15
 _LOOKED_AT: Final = 500

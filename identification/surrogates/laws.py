@@ -15,8 +15,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import (
     AbstractEffect,
     AbstractForced,
@@ -41,8 +41,6 @@ from identification.model.term import (
 )
 
 __all__ = ["AngularFriction", "Backlash", "DahlFriction", "SupplySag"]
-
-Array = NDArray[np.float64]
 
 _HARMONICS: Final = 4
 _LEAST_TURNS: Final = 1.0

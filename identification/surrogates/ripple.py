@@ -10,8 +10,8 @@ from typing import ClassVar, Final, Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import AbstractForced, CampaignScales, Candidate
 from identification.effects.parameters import amplitude, columns
 from identification.model.excitation import Record
@@ -26,8 +26,6 @@ from identification.model.term import (
 )
 
 __all__ = ["MissingTorqueRipple", "MissingVoltageRipple"]
-
-Array = NDArray[np.float64]
 
 _HARMONICS: Final = 3
 

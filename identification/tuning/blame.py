@@ -21,14 +21,12 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.tuning.judge import Judge, slack_at
 from identification.tuning.motor import UncertainMotor
 
 __all__ = ["blamed", "known"]
-
-Array = NDArray[np.float64]
 
 _LEAST_DRAWS: Final = 20
 _MOST_DRAWS: Final = 150

@@ -27,8 +27,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
 from identification.model.step import advance
@@ -38,8 +38,6 @@ from identification.tuning.motor import UncertainMotor
 from identification.tuning.specification import Specification
 
 __all__ = ["GAINS", "Drive", "Response", "most_samples"]
-
-Array = NDArray[np.float64]
 
 GAINS: Final = ("kp", "ki", "kd", "kff")
 """Gains of the controller: [V s/rad], [V/rad], [V s^2/rad], [V s/rad]."""

@@ -21,12 +21,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.tuning.drive import Response, most_samples
 from identification.tuning.judge import Judge
 
 __all__ = ["hunting"]
-
-Array = NDArray[np.float64]
 
 _REFERENCES: Final = (1.0, 0.3, 0.1, 0.03, 0.01)
 _DRAWS: Final = 16

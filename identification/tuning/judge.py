@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import OptionError
 from identification.speed_loop.delayed_margins import delayed_margins
 from identification.speed_loop.loop import Loop
@@ -23,8 +24,6 @@ from identification.tuning.motor import UncertainMotor
 from identification.tuning.specification import METRICS, Specification
 
 __all__ = ["Judge", "Judgement", "slack_at"]
-
-Array = NDArray[np.float64]
 
 _NUMBERS_AT_ONCE: Final = 2e7
 _LEAST_SAMPLES: Final = 40

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from identification.arrays import Array
 from identification.errors import InputError, OptionError
 from identification.model.composite import MotorModel
 from identification.prediction import model_of
@@ -18,8 +19,6 @@ from identification.speed_loop.loop import motor_draws, plant
 from identification.speed_loop.nonlinear import with_some_inductance
 
 __all__ = ["UncertainMotor", "motor_of"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import OptionError
 from identification.speed_loop.controller import PI, PID, PIFF, AbstractController, P
 from identification.speed_loop.tuning import suited_controller
@@ -32,8 +32,6 @@ from identification.tuning.judge import Judge, slack_at
 from identification.tuning.specification import METRICS
 
 __all__ = ["KINDS", "controller_of", "gains_of", "searched"]
-
-Array = NDArray[np.float64]
 
 KINDS: Final = ("P", "PI", "PI+FF", "PID")
 """Kinds of controllers that are tuned."""

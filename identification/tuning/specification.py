@@ -15,14 +15,12 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
 __all__ = ["METRICS", "Metric", "Specification", "parse_specification"]
-
-Array = NDArray[np.float64]
 
 _LEAST_SAMPLE: Final = 1e-7
 _GAIN_MARGIN: Final = 6.0

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import beta
 
+from identification.arrays import Array
 from identification.errors import OptionError
 from identification.speed_loop.controller import AbstractController, parse_controllers
 from identification.speed_loop.metrics import quantity
@@ -23,8 +23,6 @@ from identification.tuning.specification import METRICS, Specification
 from identification.tuning.statement import statement
 
 __all__ = ["tune"]
-
-Array = NDArray[np.float64]
 
 _DRAWS: Final = 400
 _LONGER: Final = 3

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import (
     MissingValue,
     NotANumber,
@@ -38,8 +38,6 @@ from identification.ingest.text.clock import ClockTimes, is_time_of_day
 from identification.ingest.text.dialect import COMMENT_MARKS, Layout
 
 __all__ = ["CellReader", "SampleLines"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -13,14 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.ingest.channels import Channel
 from identification.ingest.text.dialect import Layout
 
 __all__ = ["read_clean"]
-
-Array = NDArray[np.float64]
 
 
 def read_clean(

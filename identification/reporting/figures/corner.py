@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.reporting.svg import Frame, path, svg, text, tick_words
 from identification.result.highest_density import density, enclosing_heights, outlines
 from identification.result.numbers import scaled_unit, unit_power
 from identification.result.report_data import PosteriorChain
 
 __all__ = ["MOST_PARAMETERS", "corner_figure"]
-
-Array = NDArray[np.float64]
 
 MOST_PARAMETERS = 14
 """Largest number of parameters shown; more panels would be too small to read."""

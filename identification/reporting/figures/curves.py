@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.reporting.figures.chart import Band, Line, chart
 from identification.result.numbers import number_text, unit_prefix, unit_text
 from identification.result.report_data import CoefficientCurve, StepResponse
 
 __all__ = ["coefficient_figure", "step_figure", "temperature_kinds"]
-
-Array = NDArray[np.float64]
 
 
 def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -> str:

@@ -15,13 +15,11 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.reporting.svg import Frame, axes, band, dots, line, path, span, svg, text
 
 __all__ = ["CHART", "drawn_chart"]
-
-Array = NDArray[np.float64]
 
 CHART: Final = re.compile(
     r'<div class="chart" role="img" aria-label="(?P<words>[^"]*)">'

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.reporting.columns import extremes
 from identification.reporting.figures.chart import Band, Line, chart
 from identification.result.numbers import scaled_unit, unit_power, unit_text
 from identification.result.report_data import MissingTerm, MissingTrace
 
 __all__ = ["missing_over_time", "missing_term_figure"]
-
-Array = NDArray[np.float64]
 
 _MOST_DOTS = 1500
 _FEW = 120

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from identification.arrays import Array
 from identification.reporting.figures.chart import Line, chart
 
 __all__ = ["prediction_figure"]
-
-Array = NDArray[np.float64]
 
 _UNITS = {"speed": "rad/s", "current": "A"}
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.reporting.figures.chart import Band, Line, chart
 from identification.result.numbers import scaled_unit, unit_power
 from identification.result.report_data import PosteriorChain
 
 __all__ = ["trace_figure"]
-
-Array = NDArray[np.float64]
 
 _POINTS = 240
 _WALKERS = 2
