@@ -18,10 +18,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import AmbiguousAngle
 from identification.examples import of_file
 from identification.ingest.channels import Channel
-from identification.ingest.run import Array, RunWarning, SourceLocator
+from identification.ingest.run import RunWarning, SourceLocator
 from identification.ingest.timing import find_gaps
 
 __all__ = ["unwrapped", "with_speed"]

@@ -15,7 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.ingest.run import Array, RunWarning, SourceLocator
+from identification.arrays import Array
+from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["find_clipped"]
 

@@ -6,7 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from identification.ingest.run import Array, RunWarning, Source, SourceLocator
+from identification.arrays import Array
+from identification.ingest.run import RunWarning, Source, SourceLocator
 
 __all__ = ["voltage_source", "with_voltage"]
 

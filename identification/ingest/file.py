@@ -158,17 +158,8 @@ def naming(file: str | None) -> Iterator[None]:
     try:
         yield
     except RunFileError as error:
-        if file is None or error.file is not None:
-            raise
-        raise type(error)(
-            error.message,
-            file=file,
-            row=error.row,
-            column=error.column,
-            value=error.value,
-            further=error.further,
-            examples=error.examples,
-        ) from error
+        error.file = file if error.file is None else error.file
+        raise
 
 
 @contextmanager

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from identification.arrays import Array
 from identification.errors import DuplicateColumn, NotANumber
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column, read_columns
 from identification.ingest.display import quoted
 from identification.ingest.reader import Samples
-from identification.ingest.run import Array
 
 __all__ = ["Frame"]
 

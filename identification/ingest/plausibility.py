@@ -15,11 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.arrays import Array
 from identification.errors import AbsurdValue, RunFileError
 from identification.examples import Example, of_file
 from identification.ingest.faults import collected, refuse_all
 from identification.ingest.polarity import check_polarity
-from identification.ingest.run import Array, RunWarning, SourceLocator
+from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["BOUNDS", "Bounds", "check_values"]
 

@@ -21,7 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.ingest.run import Array, RunWarning, SourceLocator
+from identification.arrays import Array
+from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["check_polarity"]
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from identification.arrays import Array
 from identification.errors import (
     AbsurdValue,
     FileTooLarge,
@@ -46,7 +47,7 @@ from identification.ingest.reader import (
     blank_cell,
     not_finite,
 )
-from identification.ingest.run import Array, Run, RunWarning, Source, SourceLocator
+from identification.ingest.run import Run, RunWarning, Source, SourceLocator
 from identification.ingest.tables import choose_table
 from identification.ingest.text import TextReader
 from identification.ingest.timing import check_time, find_segments

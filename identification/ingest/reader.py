@@ -14,12 +14,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from identification.arrays import Array
 from identification.errors import MissingValue, NotFinite
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
 from identification.ingest.display import quoted
 from identification.ingest.file import RunFile
-from identification.ingest.run import Array, RunWarning
+from identification.ingest.run import RunWarning
 
 __all__ = [
     "ArrayTable",

@@ -21,9 +21,7 @@ from identification.arrays import Array
 from identification.errors import RunFileError
 from identification.examples import Example
 
-__all__ = ["Array", "Run", "RunWarning", "Source", "SourceLocator", "write_run"]
-
-"""Samples of one channel, (n_sample,), unless another shape is given."""
+__all__ = ["Run", "RunWarning", "Source", "SourceLocator", "write_run"]
 
 Error = TypeVar("Error", bound=RunFileError)
 

@@ -74,7 +74,8 @@ def _joined(
         if len(found) > 1:
             raise _ambiguous(opened.kind, list(found)) from error
         if not found:
-            raise _noted(error, opened.notes) from error
+            error.message += opened.notes
+            raise
         return next(iter(found.values()))
 
 
@@ -145,11 +146,5 @@ def _no_table(opened: TableSet) -> NoTable:
 
 def _noted(error: RunFileError, note: str) -> RunFileError:
     """The error with a note at the end of its message."""
-    return type(error)(
-        error.message + note,
-        row=error.row,
-        column=error.column,
-        value=error.value,
-        further=error.further,
-        examples=error.examples,
-    )
+    error.message += note
+    return error

@@ -12,8 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import BackwardTime, RepeatedTime
-from identification.ingest.run import Array, RunWarning, SourceLocator
+from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["GAP_FACTOR", "check_time", "find_gaps", "find_segments"]
 

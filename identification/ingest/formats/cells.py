@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identification.arrays import Array
 from identification.errors import FileTooLarge, NotANumber
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
 from identification.ingest.file import Limits
 from identification.ingest.reader import Samples
-from identification.ingest.run import Array, RunWarning
+from identification.ingest.run import RunWarning
 
 __all__ = ["ColumnTable", "numbers", "refuse_large"]
 

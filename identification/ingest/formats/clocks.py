@@ -17,12 +17,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identification.arrays import Array
 from identification.errors import BackwardTime, NoRows, RaggedRow
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.formats.cells import numbers
 from identification.ingest.reader import Samples
-from identification.ingest.run import Array, RunWarning
+from identification.ingest.run import RunWarning
 from identification.ingest.timing import find_gaps
 
 __all__ = ["Clock", "Signal", "SignalTable", "join"]

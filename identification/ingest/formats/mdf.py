@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from identification.arrays import Array
 from identification.ingest.file import RunFile
 from identification.ingest.formats.cells import refuse_large
 from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
 from identification.ingest.formats.library import decoding, imported
 from identification.ingest.reader import SourceTable, TableSet
-from identification.ingest.run import Array
 
 if TYPE_CHECKING:
     from asammdf import MDF

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from identification.arrays import Array
 from identification.errors import UnsupportedContent
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import plain, quoted
@@ -22,7 +23,7 @@ from identification.ingest.formats.cells import ColumnTable, numbers, refuse_lar
 from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
 from identification.ingest.formats.library import decoding, imported
 from identification.ingest.reader import SourceTable, TableSet
-from identification.ingest.run import Array, RunWarning
+from identification.ingest.run import RunWarning
 
 if TYPE_CHECKING:
     from nptdms import TdmsChannel

@@ -15,13 +15,13 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from identification.arrays import Array
 from identification.errors import FileTooLarge
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.file import RunFile
 from identification.ingest.formats.cells import ColumnTable, numbers, refuse_large
 from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
 from identification.ingest.reader import SourceTable, TableSet
-from identification.ingest.run import Array
 
 __all__ = ["Leaf", "Node", "Opaque", "tables_of"]
 

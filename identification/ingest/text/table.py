@@ -8,13 +8,14 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from identification.arrays import Array
 from identification.errors import MissingValue, NoRows, NotANumber, RaggedRow, UnclosedQuote
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, read_columns
 from identification.ingest.faults import Faults
 from identification.ingest.file import Limits, RunFile
 from identification.ingest.reader import Samples
-from identification.ingest.run import Array, RunWarning
+from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block, read_blocks
 from identification.ingest.text.cell_reader import CellReader, SampleLines
 from identification.ingest.text.cells import number_text
