@@ -150,6 +150,10 @@ def _openapi(application: FastAPI) -> dict[str, Any]:
         # Drop FastAPI's own validation error schema, which no call returns.
         for name in ("HTTPValidationError", "ValidationError"):
             schema["components"]["schemas"].pop(name, None)
+        for one in schema["components"]["schemas"].values():
+            for member in one.get("properties", {}).values():
+                if "description" in member:
+                    member["description"] = " ".join(member["description"].split())
         for path in schema["paths"].values():
             for call in path.values():
                 if "HTTPValidationError" in str(call["responses"].get("422")):

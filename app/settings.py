@@ -41,184 +41,111 @@ def is_loopback(host: str) -> bool:
 
 
 class Settings(BaseSettings):
-    """Settings of the service; each is read from MOTORID_ and its name in capitals."""
+    """Settings of the service; each is read from MOTORID_ and its name in capitals.
 
-    model_config = SettingsConfigDict(env_prefix="MOTORID_", extra="ignore", frozen=True)
+    The texts below the settings are their descriptions in docs/operations.md.
+    """
 
-    host: str = Field(default="127.0.0.1", description="Address to listen on.")
-    port: int = Field(
-        default=8000, ge=0, le=65535, description="Port to listen on; 0 selects a free port."
+    model_config = SettingsConfigDict(
+        env_prefix="MOTORID_", extra="ignore", frozen=True, use_attribute_docstrings=True
     )
-    data_dir: Path = Field(
-        default=Path("motorid-data"),
-        description="Directory of the database, the runs and the results.",
-    )
-    help_dir: Path | None = Field(
-        default=None,
-        description="Directory of the documentation site that `make docs-site` has built, served "
-        "under /help/ without a key; empty: not served.",
-    )
-    no_auth: bool = Field(
-        default=False, description="Accept requests without an API key; only on a loopback address."
-    )
-    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(),
-        description="Accepted names in the Host header in addition to the loopback names, "
-        "separated by commas; `*` accepts any. Empty: only `host` on a loopback address, any "
-        "otherwise.",
-    )
-    database_url: str | None = Field(
-        default=None,
-        repr=False,  # it may hold a password
-        description="URL of the database, such as `postgresql://USER:PASSWORD@HOST/NAME`; empty: "
-        "SQLite in the data directory.",
-    )
-    engine: Literal["local", "dask"] = Field(
-        default="local",
-        description="Engine that computes the fits: `local` (this machine) or `dask` (a cluster).",
-    )
-    dask_scheduler: str | None = Field(
-        default=None,
-        description="Address of the Dask scheduler, such as `tls://scheduler:8786`; `tcp://` only "
-        "on a loopback address.",
-    )
-    dask_tls_ca_file: Path | None = Field(
-        default=None,
-        description="CA certificate that verifies the certificates of the cluster (PEM).",
-    )
-    dask_tls_cert_file: Path | None = Field(
-        default=None, description="Client certificate of this service for the cluster (PEM)."
-    )
-    dask_tls_key_file: Path | None = Field(
-        default=None, description="Private key of the client certificate (PEM)."
-    )
-    workers: int = Field(
-        default_factory=cores,
-        ge=1,
-        le=1024,
-        description="Number of fits computed in parallel; default on a cluster: its number of "
-        "threads.",
-    )
-    fit_threads: int | None = Field(
-        default=None,
-        ge=1,
-        le=1024,
-        description="Threads per fit; empty: the cores divided by the number of running and queued "
-        "fits at the start of the fit, and one thread on a cluster.",
-    )
-    readers: int = Field(
-        default_factory=cores, ge=1, le=256, description="Number of uploads read in parallel."
-    )
-    waiting_uploads: int = Field(
-        default=16,
-        ge=0,
-        le=10_000,
-        description="Number of further uploads that may wait to be read.",
-    )
-    max_upload_bytes: int = Field(
-        default=512_000_000, ge=1, description="Maximum size of a run file [bytes]."
-    )
-    max_body_bytes: int = Field(
-        default=4_000_000,
-        ge=1,
-        description="Maximum size of the body of any other request [bytes].",
-    )
-    max_rows: int = Field(
-        default=10_000_000, ge=10, description="Maximum number of samples of a run."
-    )
-    upload_idle_s: float = Field(
-        default=60.0, gt=0, description="Time without data after which an upload is aborted [s]."
-    )
-    upload_s: float = Field(default=3600.0, gt=0, description="Time limit of an upload [s].")
-    request_s: float = Field(
-        default=20.0,
-        gt=0,
-        description="Time limit for receiving any other request, and for an idle connection [s].",
-    )
-    read_memory_bytes: int = Field(
-        default=2_000_000_000,
-        ge=300_000_000,
-        description="Limit on the address space of a reader process [bytes].",
-    )
-    read_cpu_s: int = Field(
-        default=60, ge=1, description="Limit on the processor time of a reader process [s]."
-    )
-    read_wall_s: float = Field(
-        default=120.0, gt=0, description="Limit on the elapsed time of a reader process [s]."
-    )
-    fit_wall_s: float = Field(
-        default=6 * 3600.0, gt=0, description="Time limit of a fit, after which it fails [s]."
-    )
-    max_attempts: int = Field(
-        default=3, ge=1, le=100, description="Number of process crashes after which a fit fails."
-    )
-    lease_s: float = Field(
-        default=15.0,
-        gt=0,
-        description="Time without a heartbeat after which another server takes over a fit [s].",
-    )
-    heartbeat_s: float = Field(
-        default=3.0, gt=0, description="Interval between two renewals of a lease [s]."
-    )
-    checkpoint_s: float = Field(
-        default=10.0, ge=0, description="Minimum interval between two checkpoints of a chain [s]."
-    )
-    session_s: float = Field(
-        default=12 * 3600.0, gt=0, description="Lifetime of a browser session [s]."
-    )
-    secure_cookies: bool = Field(
-        default=False,
-        description="Restrict the session cookie to TLS connections; for a service behind a proxy "
-        "that terminates TLS.",
-    )
-    keep_alive_s: float = Field(
-        default=15.0,
-        gt=0,
-        description="Interval between keep-alive comments in an event stream [s].",
-    )
-    shutdown_s: float = Field(
-        default=10.0,
-        gt=0,
-        description="Time limit for open requests at the shutdown of the service [s].",
-    )
-    rate_per_s: float = Field(
-        default=50.0, ge=0, description="Average number of calls per second and key; 0: unlimited."
-    )
-    rate_burst: int = Field(
-        default=500, ge=1, description="Number of calls per key in one burst (token bucket size)."
-    )
-    streams_per_key: int = Field(
-        default=64, ge=0, description="Number of open event streams per key; 0: unlimited."
-    )
-    quota_bytes: int = Field(
-        default=0,
-        ge=0,
-        description="Total size of the run files of a workspace [bytes]; 0: unlimited.",
-    )
-    quota_runs: int = Field(
-        default=0, ge=0, description="Number of runs of a workspace; 0: unlimited."
-    )
-    quota_waiting_fits: int = Field(
-        default=10_000, ge=0, description="Number of queued fits of a workspace; 0: unlimited."
-    )
-    retention_days: float = Field(
-        default=0.0,
-        ge=0,
-        description="Age at which ended fits and unused runs are removed [days]; 0: never.",
-    )
-    sweep_s: float = Field(
-        default=3600.0,
-        gt=0,
-        description="Interval between two searches for expired fits and runs [s].",
-    )
-    log_level: Literal["debug", "info", "warning", "error"] = Field(
-        default="info", description="Lowest severity of the logged messages."
-    )
+
+    host: str = "127.0.0.1"
+    """Address to listen on."""
+    port: int = Field(default=8000, ge=0, le=65535)
+    """Port to listen on; 0 selects a free port."""
+    data_dir: Path = Path("motorid-data")
+    """Directory of the database, the runs and the results."""
+    help_dir: Path | None = None
+    """Directory of the documentation site that `make docs-site` has built, served under /help/
+    without a key; empty: not served."""
+    no_auth: bool = False
+    """Accept requests without an API key; only on a loopback address."""
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = ()
+    """Accepted names in the Host header in addition to the loopback names, separated by commas; `*`
+    accepts any. Empty: only `host` on a loopback address, any otherwise."""
+    database_url: str | None = Field(default=None, repr=False)  # it may hold a password
+    """URL of the database, such as `postgresql://USER:PASSWORD@HOST/NAME`; empty: SQLite in the
+    data directory."""
+    engine: Literal["local", "dask"] = "local"
+    """Engine that computes the fits: `local` (this machine) or `dask` (a cluster)."""
+    dask_scheduler: str | None = None
+    """Address of the Dask scheduler, such as `tls://scheduler:8786`; `tcp://` only on a loopback
+    address."""
+    dask_tls_ca_file: Path | None = None
+    """CA certificate that verifies the certificates of the cluster (PEM)."""
+    dask_tls_cert_file: Path | None = None
+    """Client certificate of this service for the cluster (PEM)."""
+    dask_tls_key_file: Path | None = None
+    """Private key of the client certificate (PEM)."""
+    workers: int = Field(default_factory=cores, ge=1, le=1024)
+    """Number of fits computed in parallel; default on a cluster: its number of threads."""
+    fit_threads: int | None = Field(default=None, ge=1, le=1024)
+    """Threads per fit; empty: the cores divided by the number of running and queued fits at the
+    start of the fit, and one thread on a cluster."""
+    readers: int = Field(default_factory=cores, ge=1, le=256)
+    """Number of uploads read in parallel."""
+    waiting_uploads: int = Field(default=16, ge=0, le=10_000)
+    """Number of further uploads that may wait to be read."""
+    max_upload_bytes: int = Field(default=512_000_000, ge=1)
+    """Maximum size of a run file [bytes]."""
+    max_body_bytes: int = Field(default=4_000_000, ge=1)
+    """Maximum size of the body of any other request [bytes]."""
+    max_rows: int = Field(default=10_000_000, ge=10)
+    """Maximum number of samples of a run."""
+    upload_idle_s: float = Field(default=60.0, gt=0)
+    """Time without data after which an upload is aborted [s]."""
+    upload_s: float = Field(default=3600.0, gt=0)
+    """Time limit of an upload [s]."""
+    request_s: float = Field(default=20.0, gt=0)
+    """Time limit for receiving any other request, and for an idle connection [s]."""
+    read_memory_bytes: int = Field(default=2_000_000_000, ge=300_000_000)
+    """Limit on the address space of a reader process [bytes]."""
+    read_cpu_s: int = Field(default=60, ge=1)
+    """Limit on the processor time of a reader process [s]."""
+    read_wall_s: float = Field(default=120.0, gt=0)
+    """Limit on the elapsed time of a reader process [s]."""
+    fit_wall_s: float = Field(default=6 * 3600.0, gt=0)
+    """Time limit of a fit, after which it fails [s]."""
+    max_attempts: int = Field(default=3, ge=1, le=100)
+    """Number of process crashes after which a fit fails."""
+    lease_s: float = Field(default=15.0, gt=0)
+    """Time without a heartbeat after which another server takes over a fit [s]."""
+    heartbeat_s: float = Field(default=3.0, gt=0)
+    """Interval between two renewals of a lease [s]."""
+    checkpoint_s: float = Field(default=10.0, ge=0)
+    """Minimum interval between two checkpoints of a chain [s]."""
+    session_s: float = Field(default=12 * 3600.0, gt=0)
+    """Lifetime of a browser session [s]."""
+    secure_cookies: bool = False
+    """Restrict the session cookie to TLS connections; for a service behind a proxy that terminates
+    TLS."""
+    keep_alive_s: float = Field(default=15.0, gt=0)
+    """Interval between keep-alive comments in an event stream [s]."""
+    shutdown_s: float = Field(default=10.0, gt=0)
+    """Time limit for open requests at the shutdown of the service [s]."""
+    rate_per_s: float = Field(default=50.0, ge=0)
+    """Average number of calls per second and key; 0: unlimited."""
+    rate_burst: int = Field(default=500, ge=1)
+    """Number of calls per key in one burst (token bucket size)."""
+    streams_per_key: int = Field(default=64, ge=0)
+    """Number of open event streams per key; 0: unlimited."""
+    quota_bytes: int = Field(default=0, ge=0)
+    """Total size of the run files of a workspace [bytes]; 0: unlimited."""
+    quota_runs: int = Field(default=0, ge=0)
+    """Number of runs of a workspace; 0: unlimited."""
+    quota_waiting_fits: int = Field(default=10_000, ge=0)
+    """Number of queued fits of a workspace; 0: unlimited."""
+    retention_days: float = Field(default=0.0, ge=0)
+    """Age at which ended fits and unused runs are removed [days]; 0: never."""
+    sweep_s: float = Field(default=3600.0, gt=0)
+    """Interval between two searches for expired fits and runs [s]."""
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    """Lowest severity of the logged messages."""
     pipeline: str = Field(
-        default="identification.pipeline:identify",
-        pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$",
-        description="Function that computes a fit, in the form module:function.",
+        default="identification.pipeline:identify", pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$"
     )
+    """Function that computes a fit, in the form module:function."""
 
     @field_validator("allowed_hosts", mode="before")
     @classmethod

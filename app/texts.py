@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, model_validator
 
 from app.errors import FieldRefused
 
-__all__ = ["Received", "check_text", "checked_label", "moment", "with_example"]
+__all__ = ["Documented", "Received", "check_text", "checked_label", "moment", "with_example"]
 
 _LONGEST = 1000
 
@@ -46,7 +46,13 @@ def checked_label(field: str, text: str | None) -> str | None:
     return text.strip()
 
 
-class Received(BaseModel):
+class Documented(BaseModel):
+    """Schema of HTTP whose members are described by the texts below them."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+
+class Received(Documented):
     """JSON request body: known fields only, no type conversion, every text checked."""
 
     model_config = ConfigDict(extra="forbid", strict=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, StringConstraints
+from pydantic import Field, StringConstraints
 
 from app.analyses.design import Design, DesignRequest
 from app.analyses.prediction import Prediction
 from app.analyses.service import LoopAnalysis, TuningRequest
-from app.texts import Received, with_example
+from app.texts import Documented, Received, with_example
 
 __all__ = [
     "DesignIn",
@@ -33,16 +33,13 @@ class FeedbackIn(Received):
     model_config = with_example({"controllers": ["PI:2,0.5"], "temperatures": [25.0, 80.0]})
 
     controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
-        min_length=1,
-        max_length=_MOST,
-        description="`P:kp`, `PI:kp,ki` or `PID:kp,ki,kd`, gains in V s/rad.",
+        min_length=1, max_length=_MOST
     )
+    """`P:kp`, `PI:kp,ki` or `PID:kp,ki,kd`, gains in V s/rad."""
     temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default=[25.0, 125.0],
-        min_length=1,
-        max_length=_MOST,
-        description="Temperatures of winding and magnet [degC].",
+        default=[25.0, 125.0], min_length=1, max_length=_MOST
     )
+    """Temperatures of winding and magnet [degC]."""
 
 
 class TuningIn(Received):
@@ -59,32 +56,25 @@ class TuningIn(Received):
     specification: dict[
         Annotated[str, StringConstraints(max_length=30)],
         Annotated[float, Field(allow_inf_nan=False)],
-    ] = Field(
-        max_length=20,
-        description="Requirements and drive, as `motorid tune --spec` takes them, in SI units, "
-        "%, dB and degrees.",
-    )
+    ] = Field(max_length=20)
+    """Requirements and drive, as `motorid tune --spec` takes them, in SI units, %, dB and
+    degrees."""
     kinds: list[Literal["P", "PI", "PI+FF", "PID"]] = Field(
-        default=["PI"], min_length=1, max_length=4, description="Kinds of controllers to tune."
+        default=["PI"], min_length=1, max_length=4
     )
+    """Kinds of controllers to tune."""
     controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
-        default=[], max_length=_MOST, description="Controllers to judge instead."
+        default=[], max_length=_MOST
     )
+    """Controllers to judge instead."""
     temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default=[25.0, 125.0],
-        min_length=1,
-        max_length=_MOST,
-        description="Temperatures of winding and magnet [degC].",
+        default=[25.0, 125.0], min_length=1, max_length=_MOST
     )
-    probability: float = Field(
-        default=0.95, gt=0, le=1, description="Fraction of the draws that shall meet it [-]."
-    )
-    step: float | None = Field(
-        default=None,
-        gt=0,
-        allow_inf_nan=False,
-        description="Step of the reference [rad/s]; null: half the speed that the limits allow.",
-    )
+    """Temperatures of winding and magnet [degC]."""
+    probability: float = Field(default=0.95, gt=0, le=1)
+    """Fraction of the draws that shall meet it [-]."""
+    step: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    """Step of the reference [rad/s]; null: half the speed that the limits allow."""
 
     def request(self) -> TuningRequest:
         """Build the request of the service; each kind once."""
@@ -92,32 +82,38 @@ class TuningIn(Received):
         return TuningRequest(**fields | {"kinds": tuple(dict.fromkeys(self.kinds))})
 
 
-class TuningOut(BaseModel):
+class TuningOut(Documented):
     """Controllers and their judgement."""
 
-    tuning: Mapping[str, Any] = Field(description="Content of the file of `motorid tune`.")
-    remarks: list[str] = Field(description="Limits of the numbers, in words.")
+    tuning: Mapping[str, Any]
+    """Content of the file of `motorid tune`."""
+    remarks: list[str]
+    """Limits of the numbers, in words."""
 
 
-class StepOut(BaseModel):
+class StepOut(Documented):
     """Step response of one controller at one temperature: speed over reference."""
 
     controller: str
     temperature_degC: float  # noqa: N815
-    time_s: list[float] = Field(description="Time after the step [s].")
-    q05: list[float] = Field(description="Lower end of the pointwise 90 % band [-].")
-    median: list[float] = Field(description="Pointwise median [-].")
-    q95: list[float] = Field(description="Upper end of the pointwise 90 % band [-].")
+    time_s: list[float]
+    """Time after the step [s]."""
+    q05: list[float]
+    """Lower end of the pointwise 90 % band [-]."""
+    median: list[float]
+    """Pointwise median [-]."""
+    q95: list[float]
+    """Upper end of the pointwise 90 % band [-]."""
 
 
-class FeedbackOut(BaseModel):
+class FeedbackOut(Documented):
     """Metrics and step responses of the speed loop."""
 
-    feedback: list[Mapping[str, Any]] = Field(
-        description="Member `feedback` of result.json for these controllers and temperatures."
-    )
+    feedback: list[Mapping[str, Any]]
+    """Member `feedback` of result.json for these controllers and temperatures."""
     steps: list[StepOut]
-    remarks: list[str] = Field(description="Limits of the numbers, in words.")
+    remarks: list[str]
+    """Limits of the numbers, in words."""
 
     @classmethod
     def of(cls, loop: LoopAnalysis) -> FeedbackOut:
@@ -136,24 +132,28 @@ class FeedbackOut(BaseModel):
         return cls(feedback=list(loop.feedback), steps=steps, remarks=list(loop.remarks))
 
 
-class ErrorOut(BaseModel):
+class ErrorOut(Documented):
     """Simulation error of one channel, as in result.json."""
 
-    rmse: float | None = Field(description="Root mean square error [A] or [rad/s].")
-    nrmse: float | None = Field(
-        description="RMSE over the standard deviation of the measured channel [-]."
-    )
-    noise_ratio: float | None = Field(description="RMSE over the noise of the fit [-].")
+    rmse: float | None
+    """Root mean square error [A] or [rad/s]."""
+    nrmse: float | None
+    """RMSE over the standard deviation of the measured channel [-]."""
+    noise_ratio: float | None
+    """RMSE over the noise of the fit [-]."""
 
 
-class PredictionOut(BaseModel):
+class PredictionOut(Documented):
     """Comparison of a run with its simulation."""
 
     run: str
-    declared: bool = Field(description="Whether the nominal model was used.")
+    declared: bool
+    """Whether the nominal model was used."""
     rows: int
-    errors: dict[str, ErrorOut] = Field(description="For `current` and `speed`.")
-    links: dict[str, str] = Field(description="`table` is the simulation as CSV.")
+    errors: dict[str, ErrorOut]
+    """For `current` and `speed`."""
+    links: dict[str, str]
+    """`table` is the simulation as CSV."""
 
     @classmethod
     def of(cls, fit_id: str, run_id: str, declared: bool, prediction: Prediction) -> PredictionOut:
@@ -174,30 +174,27 @@ class DesignIn(Received):
 
     model_config = with_example({"fit": "fit_0123456789abcdef", "limits": {"current": 8.0}})
 
-    fit: Annotated[str, StringConstraints(max_length=60)] | None = Field(
-        default=None, description="ID of a succeeded fit."
-    )
-    nameplate: Annotated[str, StringConstraints(max_length=500)] | None = Field(
-        default=None, description="In place of a fit: nameplate, `KEY=VALUE,...`."
-    )
+    fit: Annotated[str, StringConstraints(max_length=60)] | None = None
+    """ID of a succeeded fit."""
+    nameplate: Annotated[str, StringConstraints(max_length=500)] | None = None
+    """In place of a fit: nameplate, `KEY=VALUE,...`."""
     limits: dict[Annotated[str, StringConstraints(max_length=20)], float] = Field(
-        default={},
-        max_length=_MOST,
-        description="Largest `voltage` [V], `current` [A], `speed` [rad/s], `slew` [V/s] and "
-        "`position` [rad]; by default voltage, current and speed of the earlier runs.",
+        default={}, max_length=_MOST
     )
-    duration: float | None = Field(default=None, description="Duration [s].")
-    rate: float | None = Field(default=None, description="Sample rate [Hz].")
+    """Largest `voltage` [V], `current` [A], `speed` [rad/s], `slew` [V/s] and `position` [rad]; by
+    default voltage, current and speed of the earlier runs."""
+    duration: float | None = None
+    """Duration [s]."""
+    rate: float | None = None
+    """Sample rate [Hz]."""
     temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default=[],
-        max_length=_MOST,
-        description="Temperatures that the bench can hold [degC]; the best one is proposed.",
+        default=[], max_length=_MOST
     )
-    narrow: Annotated[str, StringConstraints(max_length=100)] = Field(
-        default="",
-        description="Quantity to narrow, such as `Ra25` or `rise_time_s@125`.",
-    )
-    seed: int = Field(default=0, ge=0, lt=2**32, description="Seed.")
+    """Temperatures that the bench can hold [degC]; the best one is proposed."""
+    narrow: Annotated[str, StringConstraints(max_length=100)] = ""
+    """Quantity to narrow, such as `Ra25` or `rise_time_s@125`."""
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    """Seed."""
 
     def request(self) -> DesignRequest:
         """The request of the service."""
@@ -212,15 +209,13 @@ class DesignIn(Received):
         )
 
 
-class DesignOut(BaseModel):
+class DesignOut(Documented):
     """Designed run and its expected gain."""
 
-    design: Mapping[str, Any] = Field(
-        description="Expected gain, as `motorid design` writes it to FILE.json."
-    )
-    table: str = Field(
-        description="Samples as CSV: `time_s,voltage_V,temperature_degC`, a row for each sample."
-    )
+    design: Mapping[str, Any]
+    """Expected gain, as `motorid design` writes it to FILE.json."""
+    table: str
+    """Samples as CSV: `time_s,voltage_V,temperature_degC`, a row for each sample."""
 
     @classmethod
     def of(cls, design: Design) -> DesignOut:

@@ -5,30 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from app.batches import MOST_MOTORS
 from app.batches.service import ENDED, StoredBatch
 from app.fits.request import FitRequest
 from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
-from app.texts import Received, moment, with_example
+from app.texts import Documented, Received, moment, with_example
 
 __all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchResults", "BatchSummary"]
 
 
-class BatchItem(BaseModel):
+class BatchItem(Documented):
     """One motor of a batch."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    motor: Motor | None = Field(default=None, description="Name of the motor.")
-    training: list[RunId] = Field(
-        min_length=1, max_length=200, description="Training runs in the order of recording."
-    )
-    validation: list[RunId] = Field(default=[], max_length=200, description="Validation runs.")
-    options: FitOptionsIn | None = Field(
-        default=None, description="Options of this motor; default: those of the batch."
-    )
+    motor: Motor | None = None
+    """Name of the motor."""
+    training: list[RunId] = Field(min_length=1, max_length=200)
+    """Training runs in the order of recording."""
+    validation: list[RunId] = Field(default=[], max_length=200)
+    """Validation runs."""
+    options: FitOptionsIn | None = None
+    """Options of this motor; default: those of the batch."""
 
 
 class BatchCreate(Received):
@@ -46,10 +46,10 @@ class BatchCreate(Received):
     )
 
     motors: list[BatchItem] = Field(min_length=1, max_length=MOST_MOTORS)
-    options: FitOptionsIn = Field(
-        default_factory=FitOptionsIn, description="Options of each motor without its own."
-    )
-    name: Motor | None = Field(default=None, description="Name in lists.")
+    options: FitOptionsIn = Field(default_factory=FitOptionsIn)
+    """Options of each motor without its own."""
+    name: Motor | None = None
+    """Name in lists."""
 
     def requests(self) -> list[FitRequest]:
         """One fit request per motor."""
@@ -64,36 +64,41 @@ class BatchCreate(Received):
         ]
 
 
-class BatchFit(BaseModel):
+class BatchFit(Documented):
     """One motor of a batch, with the state of its fit."""
 
-    fit: str = Field(description="ID of the fit; GET /api/v1/fits/{id} returns its result.")
+    fit: str
+    """ID of the fit; GET /api/v1/fits/{id} returns its result."""
     motor: str | None
     status: Status
     progress: Progress
     error: FitError | None = None
 
 
-class BatchProgress(BaseModel):
+class BatchProgress(Documented):
     """Progress of a batch."""
 
-    fraction: float = Field(ge=0.0, le=1.0, description="Completed fraction, 0 to 1.")
-    ended: int = Field(description="Number of fits in a final state.")
-    total: int = Field(description="Number of all fits.")
+    fraction: float = Field(ge=0.0, le=1.0)
+    """Completed fraction, 0 to 1."""
+    ended: int
+    """Number of fits in a final state."""
+    total: int
+    """Number of all fits."""
 
 
-class BatchSummary(BaseModel):
+class BatchSummary(Documented):
     """A batch without its fits."""
 
     id: str
     name: str | None
-    status: Literal["queued", "running", "succeeded", "partial", "failed", "cancelled"] = Field(
-        description="`partial`: all fits have ended, and some but not all have succeeded."
-    )
+    status: Literal["queued", "running", "succeeded", "partial", "failed", "cancelled"]
+    """`partial`: all fits have ended, and some but not all have succeeded."""
     progress: BatchProgress
-    counts: dict[Status, int] = Field(description="Number of fits in each state.")
+    counts: dict[Status, int]
+    """Number of fits in each state."""
     links: dict[str, str]
-    created_at: str = Field(description="UTC, ISO 8601.")
+    created_at: str
+    """UTC, ISO 8601."""
 
     @classmethod
     def of(cls, batch: StoredBatch) -> BatchSummary:
@@ -147,7 +152,7 @@ class BatchOut(BatchSummary):
         return cls.model_validate(_fields(batch) | {"fits": listed})
 
 
-class BatchResults(BaseModel):
+class BatchResults(Documented):
     """Results of a batch, one row per motor."""
 
     model_config = with_example(
@@ -167,10 +172,10 @@ class BatchResults(BaseModel):
     )
 
     id: str
-    status: str = Field(description="Status of the batch; rows of unfinished fits are empty.")
-    rows: list[dict[str, str | int | float | bool | None]] = Field(
-        description="Rows of the table; docs/batch.md describes the columns."
-    )
+    status: str
+    """Status of the batch; rows of unfinished fits are empty."""
+    rows: list[dict[str, str | int | float | bool | None]]
+    """Rows of the table; docs/batch.md describes the columns."""
 
     @classmethod
     def of(cls, batch: StoredBatch, rows: Sequence[dict[str, Any]]) -> BatchResults:
@@ -178,13 +183,12 @@ class BatchResults(BaseModel):
         return cls(id=batch.row.id, status=batch.status, rows=list(rows))
 
 
-class BatchList(BaseModel):
+class BatchList(Documented):
     """A page of batches, newest first, without their fits."""
 
     items: list[BatchSummary]
-    next: str | None = Field(
-        description="Value of `after` for the next page; null on the last page."
-    )
+    next: str | None
+    """Value of `after` for the next page; null on the last page."""
 
     @classmethod
     def of(cls, batches: Sequence[StoredBatch], following: str | None) -> BatchList:

@@ -6,12 +6,12 @@ import time
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import ConfigDict, Field, StringConstraints
 
 from app.fits.request import FitRequest
 from app.fits.service import StoredFit
 from app.tables import FitRow
-from app.texts import Received, moment, with_example
+from app.texts import Documented, Received, moment, with_example
 from identification.effort import EffortName
 from identification.label import LONGEST_LABEL
 from identification.options import FitOptions
@@ -65,78 +65,53 @@ _FIT: dict[str, Any] = {
 }
 
 
-class FitOptionsIn(BaseModel):
+class FitOptionsIn(Documented):
     """Options of a fit that a caller can set."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    seed: int = Field(default=_DEFAULT.seed, ge=0, lt=2**32, description="Seed of the sampler.")
-    posterior: bool = Field(
-        default=_DEFAULT.posterior,
-        description="Whether to sample the posterior; otherwise intervals come from the "
-        "covariance of the fit.",
-    )
-    effects: bool = Field(
-        default=_DEFAULT.effects,
-        description="Whether to search for effects beyond the nominal model.",
-    )
-    hold: Literal["auto", "zoh", "foh"] = Field(
-        default=_DEFAULT.hold,
-        description="Voltage between samples: zero-order hold, first-order hold, or `auto` (the "
-        "data decide).",
-    )
+    seed: int = Field(default=_DEFAULT.seed, ge=0, lt=2**32)
+    """Seed of the sampler."""
+    posterior: bool = _DEFAULT.posterior
+    """Whether to sample the posterior; otherwise intervals come from the covariance of the fit."""
+    effects: bool = _DEFAULT.effects
+    """Whether to search for effects beyond the nominal model."""
+    hold: Literal["auto", "zoh", "foh"] = _DEFAULT.hold
+    """Voltage between samples: zero-order hold, first-order hold, or `auto` (the data decide)."""
     temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default=list(_DEFAULT.temperatures),
-        min_length=1,
-        max_length=20,
-        description="Temperatures of the feedback metrics [degC].",
+        default=list(_DEFAULT.temperatures), min_length=1, max_length=20
     )
+    """Temperatures of the feedback metrics [degC]."""
     controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
         default=list(_DEFAULT.controllers),
         min_length=1,
         max_length=20,
-        description="Controllers of the feedback metrics: `P:kp`, `PI:kp,ki`, `PID:kp,ki,kd`.",
         examples=[["P:1", "PI:2,0.5"]],
     )
-    effort: EffortName = Field(
-        default=_DEFAULT.effort,
-        description="Limit of the computation; the result of a level is the same on any machine.",
-    )
-    time_limit: float | None = Field(
-        default=_DEFAULT.time_limit,
-        gt=0.0,
-        allow_inf_nan=False,
-        description="Time after which the fit stops with its current result [s]; the result "
-        "then depends on the machine.",
-    )
-    set_aside: bool = Field(
-        default=_DEFAULT.set_aside,
-        description="Whether runs that contradict physics or the other runs are excluded.",
-    )
-    force: bool = Field(
-        default=_DEFAULT.force,
-        description="Whether to fit contradictory runs; the result is marked.",
-    )
+    """Controllers of the feedback metrics: `P:kp`, `PI:kp,ki`, `PID:kp,ki,kd`."""
+    effort: EffortName = _DEFAULT.effort
+    """Limit of the computation; the result of a level is the same on any machine."""
+    time_limit: float | None = Field(default=_DEFAULT.time_limit, gt=0.0, allow_inf_nan=False)
+    """Time after which the fit stops with its current result [s]; the result then depends on the
+    machine."""
+    set_aside: bool = _DEFAULT.set_aside
+    """Whether runs that contradict physics or the other runs are excluded."""
+    force: bool = _DEFAULT.force
+    """Whether to fit contradictory runs; the result is marked."""
     known: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
-        default=list(_DEFAULT.known),
-        max_length=7,
-        description="Known values of parameters, `NAME=VALUE`, `NAME=VALUE+-SD` or "
-        "`NAME=VALUE+-N%`, in SI units; default standard deviation 1 %.",
-        examples=[["Kt25=0.048+-5%", "L=2.9e-3"]],
+        default=list(_DEFAULT.known), max_length=7, examples=[["Kt25=0.048+-5%", "L=2.9e-3"]]
     )
+    """Known values of parameters, `NAME=VALUE`, `NAME=VALUE+-SD` or `NAME=VALUE+-N%`, in SI units;
+    default standard deviation 1 %."""
     nameplate: str = Field(
         default=_DEFAULT.nameplate,
         max_length=500,
-        description="Nameplate data, `KEY=VALUE` separated by commas, in SI units or with a unit "
-        "after the number.",
         examples=["voltage=12,no_load_speed=3000rpm,no_load_current=0.1,stall_current=4.2"],
     )
-    bench: str = Field(
-        default="",
-        max_length=LONGEST_LABEL,
-        description="Name of the test bench, for report and result.",
-        examples=["bench 4"],
-    )
+    """Nameplate data, `KEY=VALUE` separated by commas, in SI units or with a unit after the
+    number."""
+    bench: str = Field(default="", max_length=LONGEST_LABEL, examples=["bench 4"])
+    """Name of the test bench, for report and result."""
 
     def content(self) -> dict[str, Any]:
         """Options to store; requests from before `bench` existed have none."""
@@ -155,30 +130,28 @@ class FitCreate(Received):
         }
     )
 
-    training: list[RunId] = Field(
-        min_length=1, max_length=200, description="Training runs in the order of recording."
-    )
-    validation: list[RunId] = Field(
-        default=[], max_length=200, description="Validation runs; they are never fitted."
-    )
+    training: list[RunId] = Field(min_length=1, max_length=200)
+    """Training runs in the order of recording."""
+    validation: list[RunId] = Field(default=[], max_length=200)
+    """Validation runs; they are never fitted."""
     options: FitOptionsIn = Field(default_factory=FitOptionsIn)
-    motor: Motor | None = Field(default=None, description="Name of the motor.")
+    motor: Motor | None = None
+    """Name of the motor."""
 
     def request(self) -> FitRequest:
         """Convert to the request that the service takes."""
         return FitRequest(self.training, self.validation, self.options.content(), self.motor)
 
 
-class Progress(BaseModel):
+class Progress(Documented):
     """Progress of a fit."""
 
     stage: str
-    fraction: float = Field(ge=0.0, le=1.0, description="Completed fraction, 0 to 1.")
-    remaining_s: float | None = Field(
-        default=None,
-        description="Estimated time to the end, from the time so far [s]; null before a twentieth "
-        "is done and unless the fit is running.",
-    )
+    fraction: float = Field(ge=0.0, le=1.0)
+    """Completed fraction, 0 to 1."""
+    remaining_s: float | None = None
+    """Estimated time to the end, from the time so far [s]; null before a twentieth is done and
+    unless the fit is running."""
 
     @classmethod
     def of(cls, row: FitRow, now: float) -> Progress:
@@ -190,22 +163,21 @@ class Progress(BaseModel):
         return cls(stage=row.stage, fraction=row.fraction, remaining_s=remaining)
 
 
-class FitError(BaseModel):
+class FitError(Documented):
     """Reason why a fit failed."""
 
-    code: str = Field(description="Stable identifier for scripts.")
+    code: str
+    """Stable identifier for scripts."""
     detail: str
     file: str | None = None
     row: int | None = None
     column: str | None = None
-    findings: list[dict[str, Any]] | None = Field(
-        default=None,
-        description="With the code `contradictory_runs`: each contradiction with file, column, "
-        "statistic, limit and corrections.",
-    )
+    findings: list[dict[str, Any]] | None = None
+    """With the code `contradictory_runs`: each contradiction with file, column, statistic, limit
+    and corrections."""
 
 
-class FitSummary(BaseModel):
+class FitSummary(Documented):
     """A fit without its result."""
 
     model_config = with_example(_FIT)
@@ -217,11 +189,15 @@ class FitSummary(BaseModel):
     training: list[str]
     validation: list[str]
     options: dict[str, Any]
-    attempt: int = Field(description="Number of attempts so far.")
-    error: FitError | None = Field(default=None, description="Reason of a failure, else null.")
-    batch: str | None = Field(description="ID of its batch, else null.")
+    attempt: int
+    """Number of attempts so far."""
+    error: FitError | None = None
+    """Reason of a failure, else null."""
+    batch: str | None
+    """ID of its batch, else null."""
     links: dict[str, str]
-    created_at: str = Field(description="UTC, ISO 8601.")
+    created_at: str
+    """UTC, ISO 8601."""
     started_at: str | None
     ended_at: str | None
 
@@ -236,9 +212,8 @@ class FitOut(FitSummary):
 
     model_config = with_example(_FIT | {"result": {"schema_version": 1}})
 
-    result: dict[str, Any] | None = Field(
-        description="Content of result.json after success, else null."
-    )
+    result: dict[str, Any] | None
+    """Content of result.json after success, else null."""
 
     @classmethod
     def of(cls, fit: StoredFit) -> FitOut:
@@ -246,13 +221,12 @@ class FitOut(FitSummary):
         return cls.model_validate(_fields(fit) | {"result": fit.result})
 
 
-class FitList(BaseModel):
+class FitList(Documented):
     """A page of fits, newest first, without their results."""
 
     items: list[FitSummary]
-    next: str | None = Field(
-        description="Value of `after` for the next page; null on the last page."
-    )
+    next: str | None
+    """Value of `after` for the next page; null on the last page."""
 
     @classmethod
     def of(cls, fits: Sequence[StoredFit], following: str | None) -> FitList:
@@ -260,7 +234,7 @@ class FitList(BaseModel):
         return cls(items=[FitSummary.of(fit) for fit in fits], next=following)
 
 
-class FitEvent(BaseModel):
+class FitEvent(Documented):
     """Content of a progress event."""
 
     id: str

@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, Field
+from pydantic import Field
 from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
@@ -21,7 +21,7 @@ from app.damage import is_damaged
 from app.database import NO_ANSWER
 from app.disk import is_full
 from app.logging import request_id
-from app.texts import with_example
+from app.texts import Documented, with_example
 from identification.errors import InputError
 
 __all__ = [
@@ -72,16 +72,16 @@ _MOST_ERRORS = 20
 _log = logging.getLogger(__name__)
 
 
-class FieldProblem(BaseModel):
+class FieldProblem(Documented):
     """One field of the request that was not accepted."""
 
-    field: str = Field(
-        description="Position of the field in the request.", examples=["body.training.0"]
-    )
-    detail: str = Field(description="Fault of the field and expected value.")
+    field: str = Field(examples=["body.training.0"])
+    """Position of the field in the request."""
+    detail: str
+    """Fault of the field and expected value."""
 
 
-class Problem(BaseModel):
+class Problem(Documented):
     """Problem details (RFC 9457)."""
 
     model_config = with_example(
@@ -99,18 +99,26 @@ class Problem(BaseModel):
         }
     )
 
-    type: str = Field(description="URN of the problem type.")
-    title: str = Field(description="Standard phrase of the HTTP status.")
-    status: int = Field(description="HTTP status.")
-    detail: str = Field(description="Fault, expected value and remedy.")
-    code: str = Field(description="Stable identifier for scripts.")
-    file: str | None = Field(default=None, description="File at fault, as the caller named it.")
-    row: int | None = Field(default=None, description="Line of that file, counted from 1.")
-    column: str | None = Field(default=None, description="Column of that file.")
-    errors: list[FieldProblem] | None = Field(
-        default=None, description="Fields that were not accepted."
-    )
-    request_id: str | None = Field(default=None, description="ID of the request in the log.")
+    type: str
+    """URN of the problem type."""
+    title: str
+    """Standard phrase of the HTTP status."""
+    status: int
+    """HTTP status."""
+    detail: str
+    """Fault, expected value and remedy."""
+    code: str
+    """Stable identifier for scripts."""
+    file: str | None = None
+    """File at fault, as the caller named it."""
+    row: int | None = None
+    """Line of that file, counted from 1."""
+    column: str | None = None
+    """Column of that file."""
+    errors: list[FieldProblem] | None = None
+    """Fields that were not accepted."""
+    request_id: str | None = None
+    """ID of the request in the log."""
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pydantic import BaseModel, Field
-
 from app.tables import RunRow
-from app.texts import moment, with_example
+from app.texts import Documented, moment, with_example
 
 __all__ = ["PreviewOut", "RunList", "RunOut", "UPLOAD_BODY"]
 
@@ -71,14 +69,14 @@ UPLOAD_BODY: dict[str, Any] = {
 """OpenAPI schema of the body of an upload; no model describes the body, since it is streamed."""
 
 
-class ChannelRange(BaseModel):
+class ChannelRange(Documented):
     """Minimum and maximum of a channel, in SI units."""
 
     min: float
     max: float
 
 
-class RunWarningOut(BaseModel):
+class RunWarningOut(Documented):
     """Warning about a run that matters for the interpretation of a result."""
 
     code: str
@@ -87,23 +85,27 @@ class RunWarningOut(BaseModel):
     column: str | None = None
 
 
-class RunOut(BaseModel):
+class RunOut(Documented):
     """A stored run."""
 
     model_config = with_example(_EXAMPLE)
 
     id: str
-    sha256: str = Field(description="SHA-256 of the uploaded bytes.")
-    file: str = Field(description="File name given in the upload.")
+    sha256: str
+    """SHA-256 of the uploaded bytes."""
+    file: str
+    """File name given in the upload."""
     motor: str | None
     bytes: int
-    rows: int = Field(description="Number of samples.")
+    rows: int
+    """Number of samples."""
     sample_rate_hz: float
     duration_s: float
     channels: dict[str, ChannelRange]
     mapping: dict[str, Any] | None
     warnings: list[RunWarningOut]
-    created_at: str = Field(description="UTC, ISO 8601.")
+    created_at: str
+    """UTC, ISO 8601."""
 
     @classmethod
     def of(cls, row: RunRow) -> RunOut:
@@ -120,33 +122,33 @@ class RunOut(BaseModel):
         )
 
 
-class PreviewOut(BaseModel):
+class PreviewOut(Documented):
     """Preview of a run file; docs/cli.md describes `motorid check`."""
 
-    accepted: bool = Field(description="Whether a fit would accept the file as it is.")
-    runs: list[dict[str, Any]] = Field(
-        description="The run with its channels (column, unit, scale, offset), gaps, excitation and "
-        "warnings; empty if the file cannot be read."
-    )
-    errors: list[dict[str, Any]] = Field(description="Why the file cannot be read or fitted.")
-    findings: list[dict[str, Any]] = Field(
-        description="Contradictions and suspicions, each with the mapping that corrects it."
-    )
-    parameters: dict[str, dict[str, Any]] = Field(
-        description="Precision of the nominal parameters that a fit of this run can reach, and "
-        "what to record to improve it; empty if it was not computed."
-    )
-    notes: list[str] = Field(description="What the run cannot show.")
-    mapping: dict[str, Any] = Field(description="Mapping of the channels as understood.")
+    accepted: bool
+    """Whether a fit would accept the file as it is."""
+    runs: list[dict[str, Any]]
+    """The run with its channels (column, unit, scale, offset), gaps, excitation and warnings; empty
+    if the file cannot be read."""
+    errors: list[dict[str, Any]]
+    """Why the file cannot be read or fitted."""
+    findings: list[dict[str, Any]]
+    """Contradictions and suspicions, each with the mapping that corrects it."""
+    parameters: dict[str, dict[str, Any]]
+    """Precision of the nominal parameters that a fit of this run can reach, and what to record to
+    improve it; empty if it was not computed."""
+    notes: list[str]
+    """What the run cannot show."""
+    mapping: dict[str, Any]
+    """Mapping of the channels as understood."""
 
 
-class RunList(BaseModel):
+class RunList(Documented):
     """A page of runs, newest first."""
 
     items: list[RunOut]
-    next: str | None = Field(
-        description="Value of `after` for the next page; null on the last page."
-    )
+    next: str | None
+    """Value of `after` for the next page; null on the last page."""
 
     @classmethod
     def of(cls, rows: Sequence[RunRow], following: str | None) -> RunList:

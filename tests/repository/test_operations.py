@@ -30,7 +30,7 @@ def default_of(name: str) -> str:
 @pytest.mark.parametrize("name", Settings.model_fields)
 def test_table_of_settings_has_this_row(name: str) -> None:
     """Name, default and description are those of `app.settings`; the failure shows the row."""
-    description = Settings.model_fields[name].description
+    description = " ".join((Settings.model_fields[name].description or "").split())
     row = f"| `MOTORID_{name.upper()}` | {default_of(name)} | {description} |"
 
     assert row in PAGE.splitlines()
