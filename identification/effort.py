@@ -16,23 +16,19 @@ EffortName = Literal["quick", "normal", "thorough"]
 
 @dataclass(frozen=True)
 class Effort:
-    """Limits of one level.
-
-    Args:
-        search: Operations of the search for effects, independent of the length of the runs.
-        search_part: Additional operations for each of the first `PART_ROWS` samples, the size of
-            the representative subset.
-        search_each: Additional operations for each sample; the model found is fitted to all
-            samples.
-        sampling: Operations of the sampler.
-        steps: Largest number of sampler steps.
-    """
+    """Limits of one level."""
 
     search: float
+    """Operations of the search for effects, independent of the length of the runs."""
     search_part: float
+    """Additional operations for each of the first `PART_ROWS` samples, the size of the
+    representative subset."""
     search_each: float
+    """Additional operations for each sample; the model found is fitted to all samples."""
     sampling: float
+    """Operations of the sampler."""
     steps: int
+    """Largest number of sampler steps."""
 
     def search_of(self, rows: int) -> float:
         """Operations of the search on `rows` samples."""

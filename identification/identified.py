@@ -79,15 +79,12 @@ class Identified(ABC):
 
 @dataclass(frozen=True, repr=False)
 class StoredResult(Identified):
-    """Result of an earlier identification.
-
-    Args:
-        result: Content of result.json.
-        path: The file that it was read from.
-    """
+    """Result of an earlier identification."""
 
     result: dict[str, Any]
+    """Content of result.json."""
     path: Path
+    """The file that it was read from."""
 
     def __repr__(self) -> str:
         return f"StoredResult({str(self.path)!r})"

@@ -53,20 +53,17 @@ _EXPECTED: Final = (
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of one parameter of the nominal model: normal, log-normal for a positive parameter.
-
-    Args:
-        name: Name of the parameter.
-        value: Its value; the median of a positive parameter [unit of the parameter].
-        sd: Its standard deviation; divided by `value`, that of the logarithm of a positive
-            parameter [unit of the parameter].
-        origin: Option that gave it: ``--known`` or ``--nameplate``.
-    """
+    """Prior of one parameter of the nominal model: normal, log-normal for a positive parameter."""
 
     name: str
+    """Name of the parameter."""
     value: float
+    """Its value; the median of a positive parameter [unit of the parameter]."""
     sd: float
+    """Its standard deviation; divided by `value`, that of the logarithm of a positive parameter
+    [unit of the parameter]."""
     origin: str = KNOWN
+    """Option that gave it: ``--known`` or ``--nameplate``."""
 
     @property
     def is_size(self) -> bool:

@@ -17,16 +17,14 @@ LONGEST_LABEL: Final = 200
 class Label:
     """Names that identify the subject of a result.
 
-    Args:
-        motor: Name of the motor; empty if unknown.
-        bench: Name of the test bench; empty if unknown.
-
     Raises:
         OptionError: A name is too long or not printable.
     """
 
     motor: str = ""
+    """Name of the motor; empty if unknown."""
     bench: str = ""
+    """Name of the test bench; empty if unknown."""
 
     def __post_init__(self) -> None:
         for name, text in asdict(self).items():

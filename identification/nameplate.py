@@ -66,19 +66,16 @@ _EXAMPLE: Final = "voltage=12,no_load_speed=3000rpm,no_load_current=0.1,stall_cu
 
 @dataclass(frozen=True)
 class Nameplate:
-    """Parameters derived from a nameplate, in SI units.
-
-    Args:
-        resistance: Armature resistance [ohm]; None if the data do not determine it.
-        constant: Torque and back-EMF constant [N m/A]; None if the data do not determine it.
-        friction: Upper bound of the viscous friction [N m s/rad]; None if the data give none.
-        voltage: Voltage of the data [V]; None if not given.
-    """
+    """Parameters derived from a nameplate, in SI units."""
 
     resistance: float | None = None
+    """Armature resistance [ohm]; None if the data do not determine it."""
     constant: float | None = None
+    """Torque and back-EMF constant [N m/A]; None if the data do not determine it."""
     friction: float | None = None
+    """Upper bound of the viscous friction [N m s/rad]; None if the data give none."""
     voltage: float | None = None
+    """Voltage of the data [V]; None if not given."""
 
     @property
     def priors(self) -> tuple[Prior, ...]:

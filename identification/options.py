@@ -16,38 +16,34 @@ __all__ = ["FitOptions"]
 
 @dataclass(frozen=True)
 class FitOptions:
-    """Options of `identification.pipeline.identify`.
-
-    Args:
-        seed: Seed of the sampler; the same seed gives the same result.
-        posterior: Whether to sample the posterior; otherwise intervals come from the covariance of
-            the fit.
-        effects: Whether to search for effects; otherwise the nominal model is final.
-        hold: Voltage between samples: zero-order hold ``zoh``, first-order hold ``foh``, or
-            ``auto``, which the data decide.
-        temperatures: Temperatures of the feedback metrics [degC].
-        controllers: Controllers of the feedback metrics: ``P:1``, ``PI:kp,ki``, ``PID:kp,ki,kd``.
-        effort: Limit of the computation: ``quick``, ``normal`` or ``thorough``.
-        time_limit: Time after which the search and the sampler stop with their current result [s];
-            None for no limit, so that the result does not depend on a clock.
-        set_aside: Whether runs that contradict physics or the other runs are excluded.
-        force: Whether to fit contradictory runs; the result is marked.
-        known: Known values, ``NAME=VALUE[+-SPREAD[%]]`` in SI units; see `identification.known`.
-        nameplate: Nameplate data, ``KEY=VALUE,...``; see `identification.nameplate`.
-    """
+    """Options of `identification.pipeline.identify`."""
 
     seed: int = 0
+    """Seed of the sampler; the same seed gives the same result."""
     posterior: bool = True
+    """Whether to sample the posterior; otherwise intervals come from the covariance of the fit."""
     effects: bool = True
+    """Whether to search for effects; otherwise the nominal model is final."""
     hold: Literal["auto", "zoh", "foh"] = "auto"
+    """Voltage between samples: zero-order hold ``zoh``, first-order hold ``foh``, or ``auto``,
+    which the data decide."""
     temperatures: tuple[float, ...] = (25.0, 125.0)
+    """Temperatures of the feedback metrics [degC]."""
     controllers: tuple[str, ...] = ("P:1",)
+    """Controllers of the feedback metrics: ``P:1``, ``PI:kp,ki``, ``PID:kp,ki,kd``."""
     effort: EffortName = "normal"
+    """Limit of the computation: ``quick``, ``normal`` or ``thorough``."""
     time_limit: float | None = None
+    """Time after which the search and the sampler stop with their current result [s]; None for no
+    limit, so that the result does not depend on a clock."""
     set_aside: bool = False
+    """Whether runs that contradict physics or the other runs are excluded."""
     force: bool = False
+    """Whether to fit contradictory runs; the result is marked."""
     known: tuple[str, ...] = ()
+    """Known values, ``NAME=VALUE[+-SPREAD[%]]`` in SI units; see `identification.known`."""
     nameplate: str = ""
+    """Nameplate data, ``KEY=VALUE,...``; see `identification.nameplate`."""
 
     @property
     def plate(self) -> Nameplate:

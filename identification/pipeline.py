@@ -65,15 +65,12 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True, repr=False)
 class Identification(Identified):
-    """Result of the identification of a campaign.
-
-    Args:
-        result: Content of result.json.
-        findings: All quantities that the report shows.
-    """
+    """Result of the identification of a campaign."""
 
     result: dict[str, Any]
+    """Content of result.json."""
     findings: Findings
+    """All quantities that the report shows."""
 
     def draws(self) -> dict[str, NDArray[np.float64]]:
         """(n_draw,) draws of each parameter of the final model, in its unit."""

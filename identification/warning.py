@@ -31,21 +31,18 @@ _IN_THE_SERVICE: Final[dict[Option, str]] = {
 
 @dataclass(frozen=True)
 class ResultWarning:
-    """One warning of a result.
-
-    Args:
-        code: Stable identifier such as ``unexplained_channel``.
-        severity: Consequence for the result.
-        message: Description with the values.
-        fix: Action that removes the cause, which `message` may contain; empty if there is none.
-        option: Option of the command line that `fix` names; None if it names none.
-    """
+    """One warning of a result."""
 
     code: str
+    """Stable identifier such as ``unexplained_channel``."""
     severity: WarningSeverity
+    """Consequence for the result."""
     message: str
+    """Description with the values."""
     fix: str = ""
+    """Action that removes the cause, which `message` may contain; empty if there is none."""
     option: Option | None = None
+    """Option of the command line that `fix` names; None if it names none."""
 
     def __str__(self) -> str:
         """Message and remedy as one line of text."""

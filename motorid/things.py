@@ -17,23 +17,20 @@ ENDED = ("succeeded", "failed", "cancelled", "partial")
 
 @dataclass(frozen=True)
 class Run:
-    """Stored run.
-
-    Args:
-        id: ID at the service.
-        sha256: SHA-256 of the uploaded bytes.
-        rows: Number of samples.
-        file: File name given at the upload.
-        motor: Name of the motor, or None.
-        content: Complete response.
-    """
+    """Stored run."""
 
     id: str
+    """ID at the service."""
     sha256: str
+    """SHA-256 of the uploaded bytes."""
     rows: int
+    """Number of samples."""
     file: str
+    """File name given at the upload."""
     motor: str | None
+    """Name of the motor, or None."""
     content: Mapping[str, Any] = field(repr=False, default_factory=dict)
+    """Complete response."""
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Self:
@@ -50,27 +47,24 @@ class Run:
 
 @dataclass(frozen=True)
 class FitState:
-    """Fit at the time of the request.
-
-    Args:
-        id: ID at the service.
-        status: queued, running, succeeded, failed or cancelled.
-        stage: Current stage.
-        fraction: Completed fraction.
-        motor: Name of the motor, or None.
-        result: Content of result.json of a succeeded fit requested by its id, else None.
-        error: Reason of a failure, or None.
-        content: Complete response.
-    """
+    """Fit at the time of the request."""
 
     id: str
+    """ID at the service."""
     status: str
+    """queued, running, succeeded, failed or cancelled."""
     stage: str
+    """Current stage."""
     fraction: float
+    """Completed fraction."""
     motor: str | None
+    """Name of the motor, or None."""
     result: dict[str, Any] | None = field(repr=False)
+    """Content of result.json of a succeeded fit requested by its id, else None."""
     error: Mapping[str, Any] | None
+    """Reason of a failure, or None."""
     content: Mapping[str, Any] = field(repr=False, default_factory=dict)
+    """Complete response."""
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Self:
@@ -95,25 +89,22 @@ class FitState:
 
 @dataclass(frozen=True)
 class Batch:
-    """Batch at the time of the request.
-
-    Args:
-        id: ID at the service.
-        status: queued, running, succeeded, partial, failed or cancelled.
-        fraction: Completed fraction.
-        counts: Number of its fits in each state.
-        fits: For each motor `fit`, `motor`, `status`, `progress` and `error`; empty in lists.
-        name: Name in lists, or None.
-        content: Complete response.
-    """
+    """Batch at the time of the request."""
 
     id: str
+    """ID at the service."""
     status: str
+    """queued, running, succeeded, partial, failed or cancelled."""
     fraction: float
+    """Completed fraction."""
     counts: Mapping[str, int]
+    """Number of its fits in each state."""
     fits: tuple[Mapping[str, Any], ...] = field(repr=False)
+    """For each motor `fit`, `motor`, `status`, `progress` and `error`; empty in lists."""
     name: str | None
+    """Name in lists, or None."""
     content: Mapping[str, Any] = field(repr=False, default_factory=dict)
+    """Complete response."""
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Self:

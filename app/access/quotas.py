@@ -22,17 +22,14 @@ _HELD = 0x6D6F746F
 
 @dataclass(frozen=True)
 class Quotas:
-    """Quotas of each workspace; 0 means unlimited.
-
-    Args:
-        stored_bytes: Total size of its run files [bytes].
-        runs: Number of runs.
-        waiting_fits: Number of fits that have not started.
-    """
+    """Quotas of each workspace; 0 means unlimited."""
 
     stored_bytes: int = 0
+    """Total size of its run files [bytes]."""
     runs: int = 0
+    """Number of runs."""
     waiting_fits: int = 0
+    """Number of fits that have not started."""
 
     def check_run(self, session: Session, workspace: str, size: int) -> None:
         """Reject a run, pending or not, that would exceed a quota.

@@ -37,17 +37,14 @@ _WORKSPACE = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 
 @dataclass(frozen=True)
 class Caller:
-    """Authenticated client.
-
-    Args:
-        workspace: Workspace that the client can access; it has access to no other.
-        key_id: Id of the key, or None if the service runs without keys.
-        is_owner: Whether the client may manage the keys of the workspace.
-    """
+    """Authenticated client."""
 
     workspace: str
+    """Workspace that the client can access; it has access to no other."""
     key_id: str | None = None
+    """Id of the key, or None if the service runs without keys."""
     is_owner: bool = True
+    """Whether the client may manage the keys of the workspace."""
 
 
 class AccessService:

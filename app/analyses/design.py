@@ -14,25 +14,22 @@ __all__ = ["Design", "DesignRequest"]
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """Options of a design, as `motorid design` takes them.
-
-    Args:
-        nameplate: Nameplate of a motor without runs; empty for the design from a fit.
-        limits: Limits, ``NAME=VALUE,...``; empty for those of the earlier runs.
-        duration: Duration [s]; None for that of the earlier runs.
-        rate: Sample rate [Hz]; None for that of the earlier runs.
-        temperatures: Temperatures that the bench can hold [degC].
-        narrow: Quantity to narrow; empty for all parameters.
-        seed: Seed.
-    """
+    """Options of a design, as `motorid design` takes them."""
 
     nameplate: str = ""
+    """Nameplate of a motor without runs; empty for the design from a fit."""
     limits: str = ""
+    """Limits, ``NAME=VALUE,...``; empty for those of the earlier runs."""
     duration: float | None = None
+    """Duration [s]; None for that of the earlier runs."""
     rate: float | None = None
+    """Sample rate [Hz]; None for that of the earlier runs."""
     temperatures: tuple[float, ...] = ()
+    """Temperatures that the bench can hold [degC]."""
     narrow: str = ""
+    """Quantity to narrow; empty for all parameters."""
     seed: int = 0
+    """Seed."""
 
     @property
     def options(self) -> DesignOptions:
@@ -61,12 +58,9 @@ class DesignRequest:
 
 @dataclass(frozen=True)
 class Design:
-    """Designed run.
-
-    Args:
-        entry: Expected gain, as `motorid design` writes it to FILE.json.
-        table: Samples as CSV.
-    """
+    """Designed run."""
 
     entry: Mapping[str, Any]
+    """Expected gain, as `motorid design` writes it to FILE.json."""
     table: str
+    """Samples as CSV."""

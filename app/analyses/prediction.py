@@ -34,19 +34,16 @@ _START_S = 60.0
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured and simulated signals of one run.
-
-    Args:
-        rows: Number of samples of the run.
-        errors: For ``current`` and ``speed``: ``rmse``, ``nrmse`` and ``noise_ratio``, as in
-            result.json; null if unknown.
-        plot: Samples to plot: ``time``, and ``speed`` and ``current`` as pairs of measured and
-            simulated values; null where a sample has none.
-    """
+    """Measured and simulated signals of one run."""
 
     rows: int
+    """Number of samples of the run."""
     errors: Mapping[str, Mapping[str, float | None]]
+    """For ``current`` and ``speed``: ``rmse``, ``nrmse`` and ``noise_ratio``, as in result.json;
+    null if unknown."""
     plot: Mapping[str, Any]
+    """Samples to plot: ``time``, and ``speed`` and ``current`` as pairs of measured and simulated
+    values; null where a sample has none."""
 
 
 class Predictor:

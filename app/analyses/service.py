@@ -44,38 +44,32 @@ _WAIT_S: Final = 20.0
 
 @dataclass(frozen=True)
 class LoopAnalysis:
-    """Speed loop of an identified motor.
-
-    Args:
-        feedback: The list as in result.json: metrics of each controller at each temperature.
-        steps: Step response of each, with its 90 % band.
-        remarks: Limits of the numbers, in words.
-    """
+    """Speed loop of an identified motor."""
 
     feedback: Sequence[Mapping[str, Any]]
+    """The list as in result.json: metrics of each controller at each temperature."""
     steps: Sequence[StepResponse]
+    """Step response of each, with its 90 % band."""
     remarks: tuple[str, ...] = ()
+    """Limits of the numbers, in words."""
 
 
 @dataclass(frozen=True)
 class TuningRequest:
-    """Request to tune or judge controllers of the speed loop.
-
-    Args:
-        specification: Requirements and drive, by name.
-        kinds: Kinds of controllers to tune.
-        controllers: Controllers to judge instead.
-        temperatures: Temperatures of winding and magnet [degC].
-        probability: Required fraction of the draws.
-        step: Step of the reference [rad/s]; None for the default.
-    """
+    """Request to tune or judge controllers of the speed loop."""
 
     specification: str | Mapping[str, float]
+    """Requirements and drive, by name."""
     kinds: Sequence[str]
+    """Kinds of controllers to tune."""
     controllers: Sequence[str] = ()
+    """Controllers to judge instead."""
     temperatures: Sequence[float] = (25.0, 125.0)
+    """Temperatures of winding and magnet [degC]."""
     probability: float = 0.95
+    """Required fraction of the draws."""
     step: float | None = None
+    """Step of the reference [rad/s]; None for the default."""
 
 
 class AnalysisService:

@@ -33,17 +33,14 @@ _BUSY_S = 60.0
 
 @dataclass(frozen=True)
 class Saved:
-    """Content of a backup.
-
-    Args:
-        runs: Number of runs.
-        fits: Number of fits that have outputs.
-        files: Number of files, including the database.
-    """
+    """Content of a backup."""
 
     runs: int
+    """Number of runs."""
     fits: int
+    """Number of fits that have outputs."""
     files: int
+    """Number of files, including the database."""
 
     @classmethod
     def of(cls, names: Collection[str]) -> Self:

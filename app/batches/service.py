@@ -35,19 +35,16 @@ __all__ = ["ENDED", "BatchService", "StoredBatch"]
 
 @dataclass(frozen=True)
 class StoredBatch:
-    """A batch with its derived data.
-
-    Args:
-        row: Database row of the batch.
-        counts: Number of its fits in each state.
-        fraction: Completed fraction of the batch.
-        fits: Its fits in order, if requested.
-    """
+    """A batch with its derived data."""
 
     row: BatchRow
+    """Database row of the batch."""
     counts: Mapping[str, int]
+    """Number of its fits in each state."""
     fraction: float = 0.0
+    """Completed fraction of the batch."""
     fits: Sequence[FitRow] = ()
+    """Its fits in order, if requested."""
 
     @property
     def status(self) -> str:

@@ -40,15 +40,12 @@ _MOST_DRAWS = 2000
 
 @dataclass(frozen=True)
 class Show:
-    """Content of standard output.
-
-    Args:
-        as_json: Print only a JSON document for scripts.
-        quiet: Print nothing, except a requested JSON document.
-    """
+    """Content of standard output."""
 
     as_json: bool = False
+    """Print only a JSON document for scripts."""
     quiet: bool = False
+    """Print nothing, except a requested JSON document."""
 
 
 def fit_options(

@@ -24,23 +24,20 @@ _OF_A_RANGE = 5
 
 @dataclass(frozen=True)
 class Request:
-    """Options of the command.
-
-    Args:
-        specification: ``NAME=VALUE,...``.
-        temperatures: Numbers and ranges ``LOW:HIGH`` [degC].
-        kinds: Kinds of controllers to tune; all if empty.
-        controllers: Controllers to judge instead.
-        probability: Required probability.
-        step: Step of the reference [rad/s].
-    """
+    """Options of the command."""
 
     specification: str
+    """``NAME=VALUE,...``."""
     temperatures: Sequence[str]
+    """Numbers and ranges ``LOW:HIGH`` [degC]."""
     kinds: Sequence[str]
+    """Kinds of controllers to tune; all if empty."""
     controllers: Sequence[str]
+    """Controllers to judge instead."""
     probability: float
+    """Required probability."""
     step: float | None
+    """Step of the reference [rad/s]."""
 
 
 def tune(

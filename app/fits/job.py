@@ -24,48 +24,42 @@ LOG = "worker.log"
 
 @dataclass(frozen=True)
 class RunFile:
-    """A run as it was accepted.
-
-    Args:
-        path: Path of the file.
-        name: Name of the run in the result.
-        mapping: Assignment of columns to channels, or None.
-        sha256: SHA-256 of the uploaded bytes; None skips the comparison.
-    """
+    """A run as it was accepted."""
 
     path: str
+    """Path of the file."""
     name: str
+    """Name of the run in the result."""
     mapping: dict[str, Any] | None
+    """Assignment of columns to channels, or None."""
     sha256: str | None = None
+    """SHA-256 of the uploaded bytes; None skips the comparison."""
 
 
 @dataclass(frozen=True)
 class FitJob:
-    """One attempt at one fit.
-
-    Args:
-        fit_id: ID of the fit.
-        attempt: Number of this attempt, counted from 1.
-        directory: Directory for the outputs.
-        training: Training runs, in the order of recording.
-        validation: Validation runs.
-        options: Fields of `identification.options.FitOptions`, and `bench` if it is known.
-        pipeline: Function that computes, as module:function.
-        checkpoint_s: Minimum time between two checkpoints [s].
-        threads: Number of threads that the job may use.
-        motor: Name of the motor; empty if unknown.
-    """
+    """One attempt at one fit."""
 
     fit_id: str
+    """ID of the fit."""
     attempt: int
+    """Number of this attempt, counted from 1."""
     directory: str
+    """Directory for the outputs."""
     training: tuple[RunFile, ...]
+    """Training runs, in the order of recording."""
     validation: tuple[RunFile, ...]
+    """Validation runs."""
     options: dict[str, Any]
+    """Fields of `identification.options.FitOptions`, and `bench` if it is known."""
     pipeline: str
+    """Function that computes, as module:function."""
     checkpoint_s: float = 10.0
+    """Minimum time between two checkpoints [s]."""
     threads: int = 1
+    """Number of threads that the job may use."""
     motor: str = ""
+    """Name of the motor; empty if unknown."""
 
     @classmethod
     def of(cls, fields: Mapping[str, Any]) -> Self:

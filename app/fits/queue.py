@@ -41,17 +41,14 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Claim:
-    """A fit that this server has claimed.
-
-    Args:
-        job: The next attempt at the fit.
-        failures: Number of earlier attempts that crashed.
-        is_alone: Whether the fit must run alone, since it may be the cause of server kills.
-    """
+    """A fit that this server has claimed."""
 
     job: FitJob
+    """The next attempt at the fit."""
     failures: int
+    """Number of earlier attempts that crashed."""
     is_alone: bool
+    """Whether the fit must run alone, since it may be the cause of server kills."""
 
 
 class FitQueue:

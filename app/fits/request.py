@@ -27,19 +27,16 @@ _KEY = re.compile(r"[\x21-\x7e]{1,255}")
 
 @dataclass(frozen=True)
 class FitRequest:
-    """Content of a request for a fit.
-
-    Args:
-        training: IDs of the training runs, in the order of recording.
-        validation: IDs of the validation runs.
-        options: Fields of `identification.options.FitOptions`, and `bench` if it is known.
-        motor: Name of the motor, or None.
-    """
+    """Content of a request for a fit."""
 
     training: Sequence[str]
+    """IDs of the training runs, in the order of recording."""
     validation: Sequence[str]
+    """IDs of the validation runs."""
     options: Mapping[str, Any]
+    """Fields of `identification.options.FitOptions`, and `bench` if it is known."""
     motor: str | None = None
+    """Name of the motor, or None."""
 
 
 def new_row(caller: Caller, request: FitRequest) -> FitRow:

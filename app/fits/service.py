@@ -31,21 +31,18 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class StoredFit:
-    """A fit with its derived data.
-
-    Args:
-        row: Database row of the fit.
-        training: IDs of its training runs, in order.
-        validation: IDs of its validation runs.
-        has_posterior: Whether a posterior can be fetched.
-        result: Content of result.json if the fit has succeeded and the result was requested.
-    """
+    """A fit with its derived data."""
 
     row: FitRow
+    """Database row of the fit."""
     training: Sequence[str]
+    """IDs of its training runs, in order."""
     validation: Sequence[str]
+    """IDs of its validation runs."""
     has_posterior: bool = False
+    """Whether a posterior can be fetched."""
     result: dict[str, Any] | None = None
+    """Content of result.json if the fit has succeeded and the result was requested."""
 
 
 class FitService:

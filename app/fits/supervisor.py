@@ -47,25 +47,22 @@ _log = logging.getLogger(__name__)
 
 @dataclass
 class Attempt:
-    """An attempt that runs under this server.
-
-    Args:
-        running: The job on its engine.
-        began: Time of the start, on the monotonic clock [s].
-        failures: Number of earlier attempts that crashed.
-        is_alone: Whether no other fit may run at the same time.
-        told: Fields of all messages so far; a later value replaces an earlier one.
-        news: Stage and fraction that are not stored yet.
-        renewed: Time of the last renewal of the lease, on the monotonic clock [s].
-    """
+    """An attempt that runs under this server."""
 
     running: AbstractRunning
+    """The job on its engine."""
     began: float
+    """Time of the start, on the monotonic clock [s]."""
     failures: int
+    """Number of earlier attempts that crashed."""
     is_alone: bool = False
+    """Whether no other fit may run at the same time."""
     told: dict[str, Any] = field(default_factory=dict)
+    """Fields of all messages so far; a later value replaces an earlier one."""
     news: dict[str, Any] = field(default_factory=dict)
+    """Stage and fraction that are not stored yet."""
     renewed: float = 0.0
+    """Time of the last renewal of the lease, on the monotonic clock [s]."""
 
     @property
     def job(self) -> FitJob:

@@ -36,19 +36,16 @@ _SECRETS = ("MOTORID_DATABASE_URL", "PGPASSWORD")
 
 @dataclass(frozen=True)
 class ProcessLimits:
-    """Resource limits of a process.
-
-    Args:
-        memory_bytes: Address space [bytes].
-        cpu_s: Processor time [s].
-        wall_s: Wall-clock time [s].
-        files: Number of open files.
-    """
+    """Resource limits of a process."""
 
     memory_bytes: int
+    """Address space [bytes]."""
     cpu_s: int
+    """Processor time [s]."""
     wall_s: float
+    """Wall-clock time [s]."""
     files: int = 32
+    """Number of open files."""
 
 
 def confine(limits: ProcessLimits) -> None:

@@ -30,19 +30,16 @@ __all__ = ["Bucket", "RateLimit"]
 
 @dataclass
 class Bucket:
-    """Token bucket of one key.
-
-    Args:
-        rate_per_s: Refill rate [tokens/s].
-        burst: Capacity [tokens].
-        left: Current number of tokens.
-        filled: Time of the last update, monotonic clock [s].
-    """
+    """Token bucket of one key."""
 
     rate_per_s: float
+    """Refill rate [tokens/s]."""
     burst: int
+    """Capacity [tokens]."""
     left: float
+    """Current number of tokens."""
     filled: float
+    """Time of the last update, monotonic clock [s]."""
 
     def take(self, now: float) -> float | None:
         """Take one token at a monotonic time; return None, or the time until one is free [s]."""

@@ -29,21 +29,18 @@ _BETWEEN: Final = re.compile(r"[\s,;]+")
 
 @dataclass(frozen=True)
 class DesignForm:
-    """Fields of the form, as typed.
-
-    Args:
-        narrow: Quantity to narrow; empty for all parameters.
-        limits: Limits, ``NAME=VALUE,...``.
-        temperature: Temperatures [degC], separated by commas or blanks.
-        duration: Duration [s].
-        rate: Sample rate [Hz].
-    """
+    """Fields of the form, as typed."""
 
     narrow: str = ""
+    """Quantity to narrow; empty for all parameters."""
     limits: str = ""
+    """Limits, ``NAME=VALUE,...``."""
     temperature: str = ""
+    """Temperatures [degC], separated by commas or blanks."""
     duration: str = ""
+    """Duration [s]."""
     rate: str = ""
+    """Sample rate [Hz]."""
 
     @classmethod
     def of(cls, given: Mapping[str, str]) -> Self:

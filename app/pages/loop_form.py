@@ -20,21 +20,18 @@ _BETWEEN = re.compile(r"[\s,;]+")
 
 @dataclass(frozen=True)
 class LoopForm:
-    """Fields of the form, as typed.
-
-    Args:
-        kind: ``P``, ``PI`` or ``PID``.
-        kp: Proportional gain [V s/rad].
-        ki: Integral gain [V/rad].
-        kd: Derivative gain [V s^2/rad].
-        temperature: Temperatures [degC], separated by commas, semicolons or blanks.
-    """
+    """Fields of the form, as typed."""
 
     kind: str
+    """``P``, ``PI`` or ``PID``."""
     kp: str
+    """Proportional gain [V s/rad]."""
     ki: str
+    """Integral gain [V/rad]."""
     kd: str
+    """Derivative gain [V s^2/rad]."""
     temperature: str
+    """Temperatures [degC], separated by commas, semicolons or blanks."""
 
     @classmethod
     def of(cls, given: Mapping[str, str], result: Mapping[str, Any]) -> Self:

@@ -35,21 +35,18 @@ _METRICS: Final = tuple(FIELDS)[:6]
 
 @dataclass(frozen=True)
 class TuningForm:
-    """Fields of the form, as typed.
-
-    Args:
-        values: Text of each of `FIELDS`; empty for no requirement or limit.
-        kind: ``P``, ``PI``, ``PI+FF`` or ``PID``.
-        controller: Controller to judge instead; empty to tune one.
-        probability: Required fraction of the draws [-].
-        temperature: Temperatures [degC], separated by commas.
-    """
+    """Fields of the form, as typed."""
 
     values: Mapping[str, str]
+    """Text of each of `FIELDS`; empty for no requirement or limit."""
     kind: str
+    """``P``, ``PI``, ``PI+FF`` or ``PID``."""
     controller: str
+    """Controller to judge instead; empty to tune one."""
     probability: str
+    """Required fraction of the draws [-]."""
     temperature: str
+    """Temperatures [degC], separated by commas."""
 
     @classmethod
     def of(cls, given: Mapping[str, str], result: Mapping[str, Any]) -> Self:

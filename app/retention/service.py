@@ -40,19 +40,16 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Removed:
-    """Number of deleted items.
-
-    Args:
-        fits: Ended fits.
-        runs: Runs that no fit named, and uploads never confirmed as runs.
-        batches: Batches without fits.
-        files: Files and directories without a row.
-    """
+    """Number of deleted items."""
 
     fits: int = 0
+    """Ended fits."""
     runs: int = 0
+    """Runs that no fit named, and uploads never confirmed as runs."""
     batches: int = 0
+    """Batches without fits."""
     files: int = 0
+    """Files and directories without a row."""
 
 
 class Retention:

@@ -42,21 +42,18 @@ _MOST_PARTS = 10
 
 @dataclass(frozen=True)
 class Upload:
-    """A form that was received completely.
-
-    Args:
-        path: Path of the received file.
-        name: File name given by the caller, without directories.
-        sha256: SHA-256 of the file, in hexadecimal.
-        size: Size of the file [bytes].
-        fields: The other fields of the form.
-    """
+    """A form that was received completely."""
 
     path: Path
+    """Path of the received file."""
     name: str
+    """File name given by the caller, without directories."""
     sha256: str
+    """SHA-256 of the file, in hexadecimal."""
     size: int
+    """Size of the file [bytes]."""
     fields: dict[str, str]
+    """The other fields of the form."""
 
 
 def boundary_of(content_type: str) -> bytes:

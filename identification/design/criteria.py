@@ -63,21 +63,18 @@ def information_bits(covariance: Array, information: Array) -> float:
 
 @dataclass(frozen=True)
 class Separation:
-    """Expected separation of several models by one run.
-
-    Args:
-        least_bits: Lower bound of the mutual information of model index and readings [bit].
-        most_bits: Upper bound of it [bit].
-        wrong: Upper bound of the probability that the most probable model is the wrong one [-].
-        log_odds: (n_model, n_model) expected log Bayes factor of the true model i over j [nat].
-        closeness: Negative logarithm of `wrong`, before rounding to zero [bit].
-    """
+    """Expected separation of several models by one run."""
 
     least_bits: float
+    """Lower bound of the mutual information of model index and readings [bit]."""
     most_bits: float
+    """Upper bound of it [bit]."""
     wrong: float
+    """Upper bound of the probability that the most probable model is the wrong one [-]."""
     log_odds: Array
+    """(n_model, n_model) expected log Bayes factor of the true model i over j [nat]."""
     closeness: float
+    """Negative logarithm of `wrong`, before rounding to zero [bit]."""
 
 
 def separation(responses: Sequence[Response], probability: Sequence[float]) -> Separation:

@@ -29,21 +29,18 @@ _MARGIN: Final = 0.98
 
 @dataclass(frozen=True)
 class Limits:
-    """Largest magnitudes in a run; infinite without a limit.
-
-    Args:
-        voltage: Voltage [V].
-        current: Current [A].
-        speed: Speed [rad/s].
-        slew: Rate of change of the voltage [V/s].
-        position: Distance of the shaft from its angle at the start [rad].
-    """
+    """Largest magnitudes in a run; infinite without a limit."""
 
     voltage: float
+    """Voltage [V]."""
     current: float = math.inf
+    """Current [A]."""
     speed: float = math.inf
+    """Speed [rad/s]."""
     slew: float = math.inf
+    """Rate of change of the voltage [V/s]."""
     position: float = math.inf
+    """Distance of the shaft from its angle at the start [rad]."""
 
     def entry(self) -> dict[str, float | None]:
         """The limits by name; null without a limit."""

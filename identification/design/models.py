@@ -36,31 +36,28 @@ _REMEDY: Final = "repeat the fit with this version of motorid"
 
 @dataclass(frozen=True)
 class DesignModel:
-    """A model with a normal approximation of the posterior of its parameters.
-
-    Args:
-        label: Effect type in which it differs; empty for the final model.
-        model: Equations.
-        names: (n_parameter,) names.
-        units: (n_parameter,) units.
-        estimate: (n_parameter,) physical values.
-        logarithmic: (n_parameter,) whether the coordinate is the logarithm.
-        scale: (n_parameter,) one unit of a linear coordinate.
-        covariance: (n_parameter, n_parameter) of the coordinates.
-        probability: Posterior probability [-].
-        fraction: Independent samples per sample [-].
-    """
+    """A model with a normal approximation of the posterior of its parameters."""
 
     label: str
+    """Effect type in which it differs; empty for the final model."""
     model: MotorModel
+    """Equations."""
     names: tuple[str, ...]
+    """(n_parameter,) names."""
     units: tuple[str, ...]
+    """(n_parameter,) units."""
     estimate: Array
+    """(n_parameter,) physical values."""
     logarithmic: NDArray[np.bool_]
+    """(n_parameter,) whether the coordinate is the logarithm."""
     scale: Array
+    """(n_parameter,) one unit of a linear coordinate."""
     covariance: Array
+    """(n_parameter, n_parameter) of the coordinates."""
     probability: float = 1.0
+    """Posterior probability [-]."""
     fraction: float = 1.0
+    """Independent samples per sample [-]."""
 
     @property
     def slopes(self) -> Array:

@@ -25,19 +25,16 @@ _MOST_SEGMENTS: Final = 400
 
 @dataclass(frozen=True)
 class Profile:
-    """Normalised voltage profile.
-
-    Args:
-        label: Description for people.
-        lengths: (n_segment,) relative lengths.
-        starts: (n_segment,) levels at the start of each segment.
-        ends: (n_segment,) levels at its end.
-    """
+    """Normalised voltage profile."""
 
     label: str
+    """Description for people."""
     lengths: Array
+    """(n_segment,) relative lengths."""
     starts: Array
+    """(n_segment,) levels at the start of each segment."""
     ends: Array
+    """(n_segment,) levels at its end."""
 
     def sampled(self, rows: int) -> Array:
         """The profile between two pauses, (rows,) [-]; the last sample is zero."""

@@ -53,55 +53,46 @@ _LENGTHS: Final = (0.4, 2.5)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A scored run.
-
-    Args:
-        profile: Normalised profile.
-        voltage: (n_sample,) [V].
-        temperature: Temperature [degC].
-        responses: Readings of each model.
-        score: Separation plus narrowing [bit].
-    """
+    """A scored run."""
 
     profile: Profile
+    """Normalised profile."""
     voltage: Array
+    """(n_sample,) [V]."""
     temperature: float
+    """Temperature [degC]."""
     responses: tuple[Response, ...]
+    """Readings of each model."""
     score: float
+    """Separation plus narrowing [bit]."""
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """The run that is proposed.
-
-    Args:
-        task: What it was designed for.
-        best: The run.
-        peaks: Largest current [A], speed [rad/s] and distance of the shaft [rad] in any draw.
-        separation: Expected separation; None if there are no alternatives.
-        bits: Expected information about the parameters of each model [bit].
-        covariance: Covariance of the final model's parameters after the run.
-        by_temperature: Best score found at each temperature [bit].
-    """
+    """The run that is proposed."""
 
     task: Task
+    """What it was designed for."""
     best: Candidate
+    """The run."""
     peaks: dict[str, float]
+    """Largest current [A], speed [rad/s] and distance of the shaft [rad] in any draw."""
     separation: Separation | None
+    """Expected separation; None if there are no alternatives."""
     bits: tuple[float, ...]
+    """Expected information about the parameters of each model [bit]."""
     covariance: Array
+    """Covariance of the final model's parameters after the run."""
     by_temperature: dict[float, float]
+    """Best score found at each temperature [bit]."""
 
 
 @dataclass(frozen=True)
 class Designer:
-    """Scores of candidate runs for one task.
-
-    Args:
-        task: The task.
-    """
+    """Scores of candidate runs for one task."""
 
     task: Task
+    """The task."""
 
     @cached_property
     def predictors(self) -> tuple[Predictor, ...]:

@@ -26,21 +26,18 @@ _INTERVAL: Final = 2.0 * 1.6448536269514722
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity and its derivative by the coordinates of the final model.
-
-    Args:
-        name: As the user wrote it.
-        unit: Its unit.
-        value: Its value at the estimate.
-        gradient: (n_parameter,) derivative by the coordinates.
-        logarithmic: Whether its logarithm, and not itself, has the normal distribution.
-    """
+    """A quantity and its derivative by the coordinates of the final model."""
 
     name: str
+    """As the user wrote it."""
     unit: str
+    """Its unit."""
     value: float
+    """Its value at the estimate."""
     gradient: Array
+    """(n_parameter,) derivative by the coordinates."""
     logarithmic: bool = False
+    """Whether its logarithm, and not itself, has the normal distribution."""
 
     def width(self, covariance: Array) -> float:
         """Width of the 90 % interval for a covariance of the coordinates [unit]."""

@@ -29,19 +29,16 @@ _MOST_SUBSTEPS: Final = 8
 
 @dataclass(frozen=True)
 class Response:
-    """Readings of a model over a candidate run, in units of the noise.
-
-    Args:
-        mean: (n,) readings of both channels.
-        sensitivity: (n, n_parameter + n_state) derivatives by coordinates and initial states.
-        covariance: (n_parameter + n_state, n_parameter + n_state) before the run.
-        count: Number of parameters.
-    """
+    """Readings of a model over a candidate run, in units of the noise."""
 
     mean: Array
+    """(n,) readings of both channels."""
     sensitivity: Array
+    """(n, n_parameter + n_state) derivatives by coordinates and initial states."""
     covariance: Array
+    """(n_parameter + n_state, n_parameter + n_state) before the run."""
     count: int
+    """Number of parameters."""
 
     @cached_property
     def information(self) -> Array:
@@ -53,23 +50,20 @@ class Response:
 
 @dataclass(frozen=True)
 class Predictor:
-    """Simulation of candidate runs with one model.
-
-    Args:
-        model: The model.
-        interval: Sample interval [s].
-        noise: (2,) standard deviations of current and speed [A, rad/s].
-        earlier: Number of runs recorded before.
-        hottest: Highest temperature of these runs [degC].
-        simulator: Simulator over a reference run, whose step plan and substeps are used.
-    """
+    """Simulation of candidate runs with one model."""
 
     model: DesignModel
+    """The model."""
     interval: float
+    """Sample interval [s]."""
     noise: Array
+    """(2,) standard deviations of current and speed [A, rad/s]."""
     earlier: int
+    """Number of runs recorded before."""
     hottest: float
+    """Highest temperature of these runs [degC]."""
     simulator: Simulator
+    """Simulator over a reference run, whose step plan and substeps are used."""
 
     @staticmethod
     def prepared(

@@ -37,25 +37,21 @@ _OVERSPEED: Final = 1.1
 
 @dataclass(frozen=True)
 class DesignOptions:
-    """Options of a design.
-
-    Args:
-        limits: Limits, ``NAME=VALUE,...``; those left open are the largest values of the earlier
-            runs, or those of the nameplate.
-        duration: Duration [s]; None for that of the earlier runs.
-        rate: Sample rate [Hz]; None for that of the earlier runs.
-        temperatures: Temperatures that the bench can hold [degC]; empty for those of the earlier
-            runs.
-        narrow: Quantity to narrow; empty for all parameters of the final model.
-        seed: Seed of the random candidates and of the draws.
-    """
+    """Options of a design."""
 
     limits: tuple[str, ...] = ()
+    """Limits, ``NAME=VALUE,...``; those left open are the largest values of the earlier runs, or
+    those of the nameplate."""
     duration: float | None = None
+    """Duration [s]; None for that of the earlier runs."""
     rate: float | None = None
+    """Sample rate [Hz]; None for that of the earlier runs."""
     temperatures: tuple[float, ...] = ()
+    """Temperatures that the bench can hold [degC]; empty for those of the earlier runs."""
     narrow: str = ""
+    """Quantity to narrow; empty for all parameters of the final model."""
     seed: int = 0
+    """Seed of the random candidates and of the draws."""
 
     def __post_init__(self) -> None:
         for name, value, unit in (("duration", self.duration, "s"), ("rate", self.rate, "Hz")):
@@ -76,33 +72,30 @@ class DesignOptions:
 
 @dataclass(frozen=True)
 class Task:
-    """What a run is designed for.
-
-    Args:
-        models: Final model and its alternatives, or the same motor with several guesses.
-        are_rivals: Whether the models exclude each other, so that the run has to separate them.
-        quantity: Quantity to narrow; None for all parameters.
-        limits: Limits of the run.
-        rows: Number of samples.
-        interval: Sample interval [s].
-        temperatures: Temperatures to choose from [degC].
-        noise: (2,) standard deviations of current and speed [A, rad/s].
-        seed: Seed of candidates and draws.
-        earlier: Number of runs recorded before.
-        hottest: Highest temperature of these runs [degC].
-    """
+    """What a run is designed for."""
 
     models: tuple[DesignModel, ...]
+    """Final model and its alternatives, or the same motor with several guesses."""
     are_rivals: bool
+    """Whether the models exclude each other, so that the run has to separate them."""
     quantity: Quantity | None
+    """Quantity to narrow; None for all parameters."""
     limits: Limits
+    """Limits of the run."""
     rows: int
+    """Number of samples."""
     interval: float
+    """Sample interval [s]."""
     temperatures: tuple[float, ...]
+    """Temperatures to choose from [degC]."""
     noise: Array
+    """(2,) standard deviations of current and speed [A, rad/s]."""
     seed: int = 0
+    """Seed of candidates and draws."""
     earlier: int = 0
+    """Number of runs recorded before."""
     hottest: float = -np.inf
+    """Highest temperature of these runs [degC]."""
 
     @property
     def duration(self) -> float:

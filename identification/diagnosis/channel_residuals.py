@@ -42,20 +42,17 @@ _BEYOND: Final = 60
 
 @dataclass(frozen=True, eq=False)
 class ChannelResiduals:
-    """Residuals of one channel over the records of one role.
-
-    Args:
-        residuals: For each record (n_sample,), zero at samples without weight.
-        voltages: For each record (n_sample,) [V].
-        errors: For each record (n_sample, n_direction) matrix; the error by parameter uncertainty
-            is this matrix times a standard normal vector.
-        count: Number of samples with weight.
-    """
+    """Residuals of one channel over the records of one role."""
 
     residuals: tuple[Array, ...]
+    """For each record (n_sample,), zero at samples without weight."""
     voltages: tuple[Array, ...]
+    """For each record (n_sample,) [V]."""
     errors: tuple[Array, ...]
+    """For each record (n_sample, n_direction) matrix; the error by parameter uncertainty is this
+    matrix times a standard normal vector."""
     count: int
+    """Number of samples with weight."""
 
     @cached_property
     def taps(self) -> Array:

@@ -58,28 +58,25 @@ noise."""
 
 @dataclass(frozen=True)
 class ChannelCheck:
-    """Results of the tests of one channel on the runs of one role.
-
-    Args:
-        channel: ``current`` or ``speed``.
-        role: ``training`` or ``validation``.
-        noise_ratio: Root mean square of the residual over the noise [-].
-        noise_ratio_limit: Upper limit of the noise ratio at the joint level of all tests [-].
-        whiteness_p: p value of the test that the whitened residual is white [-].
-        voltage_outside: Fraction of lags at which the correlation with the voltage leaves a band
-            that holds for all lags together [-].
-        passed: Whether all three tests are passed.
-        reason: The tests that failed, in words, or that none did.
-    """
+    """Results of the tests of one channel on the runs of one role."""
 
     channel: Channel
+    """``current`` or ``speed``."""
     role: Role
+    """``training`` or ``validation``."""
     noise_ratio: float
+    """Root mean square of the residual over the noise [-]."""
     noise_ratio_limit: float
+    """Upper limit of the noise ratio at the joint level of all tests [-]."""
     whiteness_p: float
+    """p value of the test that the whitened residual is white [-]."""
     voltage_outside: float
+    """Fraction of lags at which the correlation with the voltage leaves a band that holds for all
+    lags together [-]."""
     passed: bool
+    """Whether all three tests are passed."""
     reason: str
+    """The tests that failed, in words, or that none did."""
 
     @property
     def is_too_large(self) -> bool:
@@ -89,19 +86,16 @@ class ChannelCheck:
 
 @dataclass(frozen=True)
 class Detection:
-    """Joint result of all tests.
-
-    Args:
-        level: Probability that a complete model is called incomplete [-].
-        checks: Training before validation, current before speed.
-        missing: Whether any check failed.
-        sentence: The same in words.
-    """
+    """Joint result of all tests."""
 
     level: float
+    """Probability that a complete model is called incomplete [-]."""
     checks: tuple[ChannelCheck, ...]
+    """Training before validation, current before speed."""
     missing: bool
+    """Whether any check failed."""
     sentence: str
+    """The same in words."""
 
     def of(self, channel: str, role: str) -> tuple[ChannelCheck, ...]:
         """The check of a channel in a role; empty if it was not made."""

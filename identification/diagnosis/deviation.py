@@ -69,18 +69,14 @@ class Disturbance(AbstractTorque, AbstractVoltage):
 
 @dataclass(frozen=True)
 class Structure:
-    """Entries of A, B and C: which are constant and which vary from row to row.
-
-    Args:
-        shape: Number of states.
-        fixed: For each entry of [A, B, C'], column by column, its constant value, or None if it
-            varies.
-        tangents: Number of uncertain parameters.
-    """
+    """Entries of A, B and C: which are constant and which vary from row to row."""
 
     shape: int
+    """Number of states."""
     fixed: tuple[float | None, ...]
+    """For each entry of [A, B, C'], column by column, its constant value, or None if it varies."""
     tangents: int
+    """Number of uncertain parameters."""
 
     @property
     def changing(self) -> int:
@@ -102,21 +98,18 @@ class Structure:
 
 @dataclass(frozen=True)
 class Piece:
-    """One record, or a segment of it, in the units of the filter.
-
-    Args:
-        record: The record.
-        entries: (n_sample, n_changing) varying entries of A, B and C.
-        targets: (n_sample, 2, 1 + n_tangent) residual and its derivatives by the parameters.
-        weight: (n_sample, 2) divisor of the noise variance; zero where the sensor was clipped.
-        spread: (n_state,) variance of the deviation at the first sample.
-    """
+    """One record, or a segment of it, in the units of the filter."""
 
     record: Record
+    """The record."""
     entries: Array
+    """(n_sample, n_changing) varying entries of A, B and C."""
     targets: Array
+    """(n_sample, 2, 1 + n_tangent) residual and its derivatives by the parameters."""
     weight: Array
+    """(n_sample, 2) divisor of the noise variance; zero where the sensor was clipped."""
     spread: Array
+    """(n_state,) variance of the deviation at the first sample."""
 
     @property
     def rows(self) -> int:
@@ -140,25 +133,23 @@ class Deviation:
 
     Channels are divided by `noise` and disturbances by `scale`, so that every number in the filter
     is of order one for any motor.
-
-    Args:
-        structure: Constant and varying entries of the matrices.
-        pieces: One per record.
-        noise: (2,) unit of current and speed [A, rad/s].
-        scale: (2,) unit of missing voltage and torque: a constant disturbance of this size shifts a
-            channel by about its noise [V, N m].
-        interval: Median sample interval [s].
-        precision: (n_tangent,) inverse prior variance of the parameters.
-        offset: (n_tangent,) prior mean of the parameters, relative to the linearisation.
     """
 
     structure: Structure
+    """Constant and varying entries of the matrices."""
     pieces: tuple[Piece, ...]
+    """One per record."""
     noise: Array
+    """(2,) unit of current and speed [A, rad/s]."""
     scale: Array
+    """(2,) unit of missing voltage and torque: a constant disturbance of this size shifts a channel
+    by about its noise [V, N m]."""
     interval: float
+    """Median sample interval [s]."""
     precision: Array
+    """(n_tangent,) inverse prior variance of the parameters."""
     offset: Array
+    """(n_tangent,) prior mean of the parameters, relative to the linearisation."""
 
 
 def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:

@@ -60,28 +60,22 @@ speed and voltage; all in the units of `Deviation`."""
 
 @dataclass(frozen=True)
 class Likelihood:
-    """Marginal likelihood of each lane and the posterior of the parameters.
-
-    Args:
-        value: (n_lane,) log likelihood with the parameters integrated out, up to a constant.
-        shift: (n_lane, n_tangent) posterior mean of the parameters, relative to the linearisation.
-        covariance: (n_lane, n_tangent, n_tangent) their posterior covariance.
-    """
+    """Marginal likelihood of each lane and the posterior of the parameters."""
 
     value: Array
+    """(n_lane,) log likelihood with the parameters integrated out, up to a constant."""
     shift: Array
+    """(n_lane, n_tangent) posterior mean of the parameters, relative to the linearisation."""
     covariance: Array
+    """(n_lane, n_tangent, n_tangent) their posterior covariance."""
 
 
 @dataclass(frozen=True)
 class Symbols:
-    """Symbolic Kalman filter of one structure.
-
-    Args:
-        structure: Sizes and constant entries.
-    """
+    """Symbolic Kalman filter of one structure."""
 
     structure: Structure
+    """Sizes and constant entries."""
 
     @property
     def size(self) -> int:

@@ -57,15 +57,12 @@ class Hyperparameters:
 
     Intensities (stationary standard deviations) are in the units of `Deviation`, correlation times
     in samples.
-
-    Args:
-        point: (11,) four intensities, four correlation times, white noise of current, speed and
-            voltage.
-        value: Log likelihood.
     """
 
     point: Array
+    """(11,) four intensities, four correlation times, white noise of current, speed and voltage."""
     value: float
+    """Log likelihood."""
 
     @property
     def intensities(self) -> Array:

@@ -70,27 +70,24 @@ _DIFFERENCES: Final = 4
 
 @dataclass(frozen=True)
 class Deficiency:
-    """Missing term of one state equation.
-
-    Args:
-        equation: ``electrical`` or ``mechanical``.
-        unit: ``V`` or ``N m``.
-        strength: Intensity (stationary standard deviation) of the missing term [unit].
-        time_constant: Correlation time [s].
-        gain: Gain of the log likelihood over zero intensity, with the other equation's term allowed
-            in both.  A gain far above the significance limit is an overestimate, because the fit
-            with zero intensity then stops early.
-        p_value: Probability of at least this gain for a complete model.
-        significant: Whether `p_value` is below half of `LEVEL`.
-    """
+    """Missing term of one state equation."""
 
     equation: Literal["electrical", "mechanical"]
+    """``electrical`` or ``mechanical``."""
     unit: Literal["V", "N m"]
+    """``V`` or ``N m``."""
     strength: float
+    """Intensity (stationary standard deviation) of the missing term [unit]."""
     time_constant: float
+    """Correlation time [s]."""
     gain: float
+    """Gain of the log likelihood over zero intensity, with the other equation's term allowed in
+    both.  A gain far above the significance limit is an overestimate, because the fit with zero
+    intensity then stops early."""
     p_value: float
+    """Probability of at least this gain for a complete model."""
     significant: bool
+    """Whether `p_value` is below half of `LEVEL`."""
 
 
 @dataclass(frozen=True)
@@ -101,44 +98,39 @@ class Missing:
     follows the speed, like friction, the part of it that looks like a change of b is attributed to
     the parameters, and the bands do not include it.  They include the part that the parameters
     cannot reproduce.
-
-    Args:
-        record: Index of the record in the fit.
-        run: Number of its run.
-        start: First sample of the record in its run.
-        time: (n,) time in the run [s].
-        voltage: (n,) missing voltage on the right of L di/dt [V].
-        voltage_sd: (n,) its posterior standard deviation [V].
-        torque: (n,) missing torque on the right of J dw/dt [N m].
-        torque_sd: (n,) its posterior standard deviation [N m].
     """
 
     record: int
+    """Index of the record in the fit."""
     run: int
+    """Number of its run."""
     start: int
+    """First sample of the record in its run."""
     time: Array
+    """(n,) time in the run [s]."""
     voltage: Array
+    """(n,) missing voltage on the right of L di/dt [V]."""
     voltage_sd: Array
+    """(n,) its posterior standard deviation [V]."""
     torque: Array
+    """(n,) missing torque on the right of J dw/dt [N m]."""
     torque_sd: Array
+    """(n,) its posterior standard deviation [N m]."""
 
 
 @dataclass(frozen=True)
 class Localisation:
-    """Deficiencies of a fitted model.
-
-    Args:
-        electrical: Missing voltage of the armature equation.
-        mechanical: Missing torque of the shaft equation.
-        noise: (2,) standard deviation of the noise of current and speed, estimated together with
-            the significant disturbances so that missing physics does not count as noise [A, rad/s].
-        missing: The missing terms, one per training record.
-    """
+    """Deficiencies of a fitted model."""
 
     electrical: Deficiency
+    """Missing voltage of the armature equation."""
     mechanical: Deficiency
+    """Missing torque of the shaft equation."""
     noise: Array
+    """(2,) standard deviation of the noise of current and speed, estimated together with the
+    significant disturbances so that missing physics does not count as noise [A, rad/s]."""
     missing: tuple[Missing, ...]
+    """The missing terms, one per training record."""
 
 
 def localise(fit: Fit) -> Localisation:

@@ -47,17 +47,14 @@ _FAR: Final = 50.0
 
 @dataclass(frozen=True)
 class Optimum:
-    """Result of a maximisation.
-
-    Args:
-        point: (n,) point of the maximum.
-        value: Value there.
-        inverse: (n, n) approximate inverse of the negative Hessian.
-    """
+    """Result of a maximisation."""
 
     point: Array
+    """(n,) point of the maximum."""
     value: float
+    """Value there."""
     inverse: Array
+    """(n, n) approximate inverse of the negative Hessian."""
 
 
 def maximise(

@@ -39,19 +39,16 @@ LEVEL = 0.99
 
 @dataclass(frozen=True, eq=False)
 class Correlation:
-    """Correlation function with its confidence band under the null hypothesis.
-
-    Args:
-        lags: (n_lag,) [samples].
-        values: (n_lag,) correlation [-].
-        half_width: (n_lag,) the band is plus and minus this [-].
-        level: Probability that one lag stays inside the band under the null hypothesis [-].
-    """
+    """Correlation function with its confidence band under the null hypothesis."""
 
     lags: NDArray[np.int_]
+    """(n_lag,) [samples]."""
     values: Array
+    """(n_lag,) correlation [-]."""
     half_width: Array
+    """(n_lag,) the band is plus and minus this [-]."""
     level: float
+    """Probability that one lag stays inside the band under the null hypothesis [-]."""
 
     @property
     def outside(self) -> float:
@@ -61,17 +58,14 @@ class Correlation:
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Result of a portmanteau test: no correlation at any of the first lags.
-
-    Args:
-        statistic: Sum of squared correlations, each over its variance [-].
-        degrees_of_freedom: Number of lags.
-        p_value: Probability of a statistic at least as large from white noise [-].
-    """
+    """Result of a portmanteau test: no correlation at any of the first lags."""
 
     statistic: float
+    """Sum of squared correlations, each over its variance [-]."""
     degrees_of_freedom: int
+    """Number of lags."""
     p_value: float
+    """Probability of a statistic at least as large from white noise [-]."""
 
 
 def autocorrelation(

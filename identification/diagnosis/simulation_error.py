@@ -18,15 +18,12 @@ __all__ = ["Errors", "pooled_errors"]
 
 @dataclass(frozen=True)
 class Errors:
-    """Simulation error of one channel.
-
-    Args:
-        rmse: Root mean square error, in the unit of the channel.
-        nrmse: RMSE over the standard deviation of the measured channel [-].
-    """
+    """Simulation error of one channel."""
 
     rmse: float
+    """Root mean square error, in the unit of the channel."""
     nrmse: float
+    """RMSE over the standard deviation of the measured channel [-]."""
 
 
 def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Errors:

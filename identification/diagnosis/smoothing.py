@@ -46,15 +46,12 @@ pass takes the blocks in reverse order and starts each from the state stored by 
 
 @dataclass(frozen=True)
 class MissingSignals:
-    """Missing voltage and torque of one record.
-
-    Args:
-        mean: (n_sample, 2) missing voltage and torque [V, N m].
-        deviation: (n_sample, 2) their posterior standard deviation [V, N m].
-    """
+    """Missing voltage and torque of one record."""
 
     mean: Array
+    """(n_sample, 2) missing voltage and torque [V, N m]."""
     deviation: Array
+    """(n_sample, 2) their posterior standard deviation [V, N m]."""
 
 
 def auxiliary_residuals(

@@ -26,19 +26,16 @@ Draws = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Request:
-    """Input of a format.
-
-    Args:
-        result: Content of a result.json.
-        draws: (n_draw,) for each nominal parameter; empty if the format holds no samples.
-        temperatures: Temperatures of linear models [degC].
-        sampled: Remark about the draws, if there is one.
-    """
+    """Input of a format."""
 
     result: Mapping[str, Any]
+    """Content of a result.json."""
     draws: Draws
+    """(n_draw,) for each nominal parameter; empty if the format holds no samples."""
     temperatures: Sequence[float]
+    """Temperatures of linear models [degC]."""
     sampled: tuple[str, ...] = ()
+    """Remark about the draws, if there is one."""
 
     @cached_property
     def motor(self) -> Exported:
@@ -55,15 +52,12 @@ class Request:
 
 @dataclass(frozen=True)
 class Export:
-    """Content of an exported file.
-
-    Args:
-        content: The bytes.
-        remarks: What the export does not hold, as sentences.
-    """
+    """Content of an exported file."""
 
     content: bytes
+    """The bytes."""
     remarks: tuple[str, ...] = ()
+    """What the export does not hold, as sentences."""
 
 
 Writer = Callable[[Request], Export]
@@ -71,16 +65,12 @@ Writer = Callable[[Request], Export]
 
 @dataclass(frozen=True)
 class ExportFormat:
-    """One format.
-
-    Args:
-        write: Function that makes the file.
-        is_linear: Whether the file holds linear models at temperatures, with samples of the
-            parameters.
-    """
+    """One format."""
 
     write: Writer
+    """Function that makes the file."""
     is_linear: bool = False
+    """Whether the file holds linear models at temperatures, with samples of the parameters."""
 
 
 def export(

@@ -64,21 +64,18 @@ def _compared(template: str) -> dict[int, str]:
 
 @dataclass(frozen=True)
 class Language:
-    """Spelling of expressions and assignments.
-
-    Args:
-        operations: Template of each operation; {0} and {1} are the operands.
-        local: Template of a local variable: name and value.
-        output: Template of an output element: name, index from `first` and value.
-        index: Template of an element: name and index.
-        first: Index of the first element of an array.
-    """
+    """Spelling of expressions and assignments."""
 
     operations: Mapping[int, str] = field(hash=False)
+    """Template of each operation; {0} and {1} are the operands."""
     local: str
+    """Template of a local variable: name and value."""
     output: str
+    """Template of an output element: name, index from `first` and value."""
     index: str
+    """Template of an element: name and index."""
     first: int = 0
+    """Index of the first element of an array."""
 
 
 C: Final = Language(
@@ -168,15 +165,12 @@ MODELICA: Final = Language(
 
 @dataclass(frozen=True)
 class Printed:
-    """Body of a printed function.
-
-    Args:
-        lines: Assignments in their order.
-        local: Names of the local variables.
-    """
+    """Body of a printed function."""
 
     lines: tuple[str, ...]
+    """Assignments in their order."""
     local: tuple[str, ...]
+    """Names of the local variables."""
 
     @property
     def text(self) -> str:

@@ -63,13 +63,10 @@ class _External(AbstractTorque):
 
 @dataclass(frozen=True)
 class ExportModel(MotorModel):
-    """Motor model in a new run, whose last state is the shaft angle [rad].
-
-    Args:
-        run: Number of runs in the campaign, which is the index of the new run.
-    """
+    """Motor model in a new run, whose last state is the shaft angle [rad]."""
 
     run: int = 0
+    """Number of runs in the campaign, which is the index of the new run."""
 
     @cached_property
     def motor(self) -> MotorModel:
@@ -104,25 +101,22 @@ class ExportModel(MotorModel):
 
 @dataclass(frozen=True)
 class Exported:
-    """A model ready for export.
-
-    Args:
-        model: The model; its last two parameters are `EXTERNAL`.
-        values: (n_parameter,) physical values.
-        interval: Sample interval of the runs, the design step of the export [s].
-        span: (2,) range of current and speed in the training runs [A, rad/s].
-        peak: Highest temperature that the motor has had [degC].
-        plan: Settings of the integration step at `interval`.
-        notes: What the export does not hold, as sentences.
-    """
+    """A model ready for export."""
 
     model: ExportModel
+    """The model; its last two parameters are `EXTERNAL`."""
     values: Array
+    """(n_parameter,) physical values."""
     interval: float
+    """Sample interval of the runs, the design step of the export [s]."""
     span: Array
+    """(2,) range of current and speed in the training runs [A, rad/s]."""
     peak: float
+    """Highest temperature that the motor has had [degC]."""
     plan: StepPlan
+    """Settings of the integration step at `interval`."""
     notes: tuple[str, ...] = ()
+    """What the export does not hold, as sentences."""
 
     @property
     def step(self) -> ca.Function:

@@ -32,23 +32,20 @@ FALSE_DISCOVERY_RATE = 0.05
 
 @dataclass(frozen=True)
 class Drift:
-    """Change of one parameter since the last refit.
-
-    Args:
-        absolute: Current median minus previous median, in the unit of the parameter.
-        relative: `absolute` over the magnitude of the previous median [-]; None if that is zero.
-        sds: `absolute` over the combined standard deviation [-]; None if that is zero.
-        probability: Two-sided p-value of this comparison; `drifts` replaces it by the p-value
-            adjusted over the whole table.
-        is_significant: Whether the adjusted p-value is at most `FALSE_DISCOVERY_RATE`; None before
-            the adjustment and if there is no p-value.
-    """
+    """Change of one parameter since the last refit."""
 
     absolute: float
+    """Current median minus previous median, in the unit of the parameter."""
     relative: float | None
+    """`absolute` over the magnitude of the previous median [-]; None if that is zero."""
     sds: float | None
+    """`absolute` over the combined standard deviation [-]; None if that is zero."""
     probability: float | None
+    """Two-sided p-value of this comparison; `drifts` replaces it by the p-value adjusted over the
+    whole table."""
     is_significant: bool | None = None
+    """Whether the adjusted p-value is at most `FALSE_DISCOVERY_RATE`; None before the adjustment
+    and if there is no p-value."""
 
 
 def drift_of(now: Estimate | None, before: Estimate | None) -> Drift | None:

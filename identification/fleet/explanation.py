@@ -65,24 +65,21 @@ _INVOLVED = {
 
 @dataclass(frozen=True)
 class Explanation:
-    """Change of one motor since its last refit and the probabilities of its causes.
-
-    Args:
-        compared: Names of the compared parameters and effect sizes; empty if none is comparable.
-        probability: p-value of an unchanged motor; `explanations` adjusts it over the table.
-        is_significant: Whether the adjusted p-value is at most the false discovery rate.
-        causes: Posterior probabilities of all causes, of `NONE` and of `UNLISTED`, the most
-            probable first.
-        changes: Relative change of each parameter under the most probable cause.
-        differing: Effects that only one of the two final models has.
-    """
+    """Change of one motor since its last refit and the probabilities of its causes."""
 
     compared: tuple[str, ...]
+    """Names of the compared parameters and effect sizes; empty if none is comparable."""
     probability: float | None
+    """p-value of an unchanged motor; `explanations` adjusts it over the table."""
     causes: Mapping[str, float] = field(default_factory=dict)
+    """Posterior probabilities of all causes, of `NONE` and of `UNLISTED`, the most probable
+    first."""
     changes: Mapping[str, float] = field(default_factory=dict)
+    """Relative change of each parameter under the most probable cause."""
     differing: tuple[str, ...] = ()
+    """Effects that only one of the two final models has."""
     is_significant: bool | None = None
+    """Whether the adjusted p-value is at most the false discovery rate."""
 
     @property
     def cause(self) -> str:

@@ -33,29 +33,26 @@ _NORMAL_90 = 1.645
 
 @dataclass(frozen=True)
 class Mark:
-    """Plotted values of one motor for one parameter.
-
-    Args:
-        motor: Name of the motor.
-        median: Posterior median.
-        q05: Lower end of the 90 % interval.
-        q95: Upper end of the 90 % interval.
-        score: Deviation from the fleet median in robust standard deviations [-].
-        is_outlier: Whether the motor is an outlier.
-        drift: Change since the last refit, or None.
-        change_sd: Standard deviation of that change.
-        pooled: Quantiles 5, 50 and 95 % pooled over the motors of the type, or None.
-    """
+    """Plotted values of one motor for one parameter."""
 
     motor: str
+    """Name of the motor."""
     median: float
+    """Posterior median."""
     q05: float
+    """Lower end of the 90 % interval."""
     q95: float
+    """Upper end of the 90 % interval."""
     score: float | None
+    """Deviation from the fleet median in robust standard deviations [-]."""
     is_outlier: bool
+    """Whether the motor is an outlier."""
     drift: Drift | None
+    """Change since the last refit, or None."""
     change_sd: float
+    """Standard deviation of that change."""
     pooled: Quantiles | None = None
+    """Quantiles 5, 50 and 95 % pooled over the motors of the type, or None."""
 
     @property
     def is_significant(self) -> bool:

@@ -33,17 +33,14 @@ _BISECTIONS = 50
 
 @dataclass(frozen=True)
 class Population:
-    """Posterior of a population of groups.
-
-    Args:
-        mean: (3,) quantiles 5, 50 and 95 % of the population mean mu.
-        spread: (3,) the same of the population standard deviation tau.
-        groups: (n_group, 3) the same of theta_k.
-    """
+    """Posterior of a population of groups."""
 
     mean: Array
+    """(3,) quantiles 5, 50 and 95 % of the population mean mu."""
     spread: Array
+    """(3,) the same of the population standard deviation tau."""
     groups: Array
+    """(n_group, 3) the same of theta_k."""
 
 
 def population_of(values: Array, sds: Array, scale: float) -> Population:

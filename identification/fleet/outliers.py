@@ -40,21 +40,17 @@ _NORMAL = 1.4826
 
 @dataclass(frozen=True)
 class Spread:
-    """Distribution of one parameter over the fleet.
-
-    Args:
-        count: Number of motors whose data identify it.
-        median: Median over these motors, in the unit of the parameter.
-        relative_scale: Robust standard deviation over the median [-]; None if the median is zero or
-            unknown.
-        scores: For each motor of the fleet, the deviation from the median in robust standard
-            deviations that include the motor's own [-]; None if not comparable.
-    """
+    """Distribution of one parameter over the fleet."""
 
     count: int
+    """Number of motors whose data identify it."""
     median: float | None
+    """Median over these motors, in the unit of the parameter."""
     relative_scale: float | None
+    """Robust standard deviation over the median [-]; None if the median is zero or unknown."""
     scores: tuple[float | None, ...]
+    """For each motor of the fleet, the deviation from the median in robust standard deviations that
+    include the motor's own [-]; None if not comparable."""
 
     def is_outlier(self, index: int) -> bool:
         """Whether the motor at index `index` of the fleet is an outlier."""

@@ -39,32 +39,28 @@ _RELATIVE_SCALE = 0.3
 
 @dataclass(frozen=True)
 class Pool:
-    """Distribution of one quantity over the motors of one type.
-
-    Args:
-        type: Type of the motors.
-        name: Parameter, or effect and parameter such as ``brush_drop.voltage``.
-        unit: Unit of the quantity.
-        is_relative: Whether the spread is that of the logarithm [-], not in the unit.
-        count: Number of motors whose estimates are pooled.
-        left_out: Outlying motors, which are not pooled, as indices of the fleet.
-        mean: Quantiles 5, 50 and 95 % of the mean of the type; of the geometric mean if
-            `is_relative`.
-        spread: The same of the standard deviation between the motors of the type.
-        own: The estimate of each motor itself, by index of the fleet.
-        motors: Pooled quantiles by index of the fleet; without the outlying motors.
-    """
+    """Distribution of one quantity over the motors of one type."""
 
     type: str
+    """Type of the motors."""
     name: str
+    """Parameter, or effect and parameter such as ``brush_drop.voltage``."""
     unit: str
+    """Unit of the quantity."""
     is_relative: bool
+    """Whether the spread is that of the logarithm [-], not in the unit."""
     count: int
+    """Number of motors whose estimates are pooled."""
     left_out: tuple[int, ...]
+    """Outlying motors, which are not pooled, as indices of the fleet."""
     mean: Quantiles
+    """Quantiles 5, 50 and 95 % of the mean of the type; of the geometric mean if `is_relative`."""
     spread: Quantiles
+    """The same of the standard deviation between the motors of the type."""
     own: Mapping[int, Estimate]
+    """The estimate of each motor itself, by index of the fleet."""
     motors: Mapping[int, Quantiles]
+    """Pooled quantiles by index of the fleet; without the outlying motors."""
 
 
 def pools_of(refits: Sequence[Refit]) -> list[Pool]:

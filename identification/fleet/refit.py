@@ -22,21 +22,18 @@ _OF_SINGLE_RUNS = frozenset({"load_step", "inertia_change", "unlisted"})
 
 @dataclass(frozen=True)
 class Estimate:
-    """Posterior summary of one parameter of one motor, in its unit.
-
-    Args:
-        median: Median of the posterior.
-        sd: Standard deviation.
-        q05: Lower end of the 90 % interval.
-        q95: Upper end of the 90 % interval.
-        is_identified: Whether the data identify it; a known value alone does not count.
-    """
+    """Posterior summary of one parameter of one motor, in its unit."""
 
     median: float | None
+    """Median of the posterior."""
     sd: float | None
+    """Standard deviation."""
     q05: float | None
+    """Lower end of the 90 % interval."""
     q95: float | None
+    """Upper end of the 90 % interval."""
     is_identified: bool
+    """Whether the data identify it; a known value alone does not count."""
 
     @property
     def usable(self) -> tuple[float, float] | None:
@@ -61,62 +58,56 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Size:
-    """Size of an effect: the first parameter of its entry in the result.
-
-    Args:
-        estimate: Its estimate.
-        unit: Its unit.
-        meaning: Its definition with the variant of the effect.  Two sizes are comparable only if
-            their definitions are equal: the size of a drag refers to a speed, for example.
-    """
+    """Size of an effect: the first parameter of its entry in the result."""
 
     estimate: Estimate
+    """Its estimate."""
     unit: str
+    """Its unit."""
     meaning: str
+    """Its definition with the variant of the effect.  Two sizes are comparable only if their
+    definitions are equal: the size of a drag refers to a speed, for example."""
 
 
 @dataclass(frozen=True)
 class Refit:
-    """Result of one motor of a batch.
-
-    Args:
-        motor: Name of the motor.
-        status: Status of its fit.
-        estimates: Estimates of the nominal-model parameters in the final model, by name; empty
-            without a result.
-        effects: Names of the effects in the final model.
-        noise_ratios: Simulation error of the final model over sensor noise [-], by role and
-            channel, such as ``("validation", "speed")``.
-        training: SHA-256 hashes of the training runs.
-        fit: Id or location of the fit.
-        ended_at: End of the fit, UTC, ISO 8601.
-        error: Why there is no result.
-        warnings: Warnings of the result, in its order.
-        previous: Previous refit of the same motor.
-        link: Address of its report relative to the page; empty if there is none.
-        type: Type of the motor; motors without one are of one unnamed type.
-        sizes: Sizes of the effects that are properties of the motor or of the bench and not of
-            single runs, by name such as ``"brush_drop.voltage"``.
-        equations: Equation of each effect in the final model, by name.
-        correlation: Posterior correlation of two parameters or sizes; empty if unknown.
-    """
+    """Result of one motor of a batch."""
 
     motor: str
+    """Name of the motor."""
     status: str
+    """Status of its fit."""
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    """Estimates of the nominal-model parameters in the final model, by name; empty without a
+    result."""
     effects: tuple[str, ...] = ()
+    """Names of the effects in the final model."""
     noise_ratios: Mapping[tuple[str, str], float | None] = field(default_factory=dict)
+    """Simulation error of the final model over sensor noise [-], by role and channel, such as
+    ``("validation", "speed")``."""
     training: tuple[str, ...] = ()
+    """SHA-256 hashes of the training runs."""
     fit: str = ""
+    """Id or location of the fit."""
     ended_at: str | None = None
+    """End of the fit, UTC, ISO 8601."""
     error: str = ""
+    """Why there is no result."""
     warnings: tuple[str, ...] = ()
+    """Warnings of the result, in its order."""
     previous: Refit | None = None
+    """Previous refit of the same motor."""
     link: str = ""
+    """Address of its report relative to the page; empty if there is none."""
     type: str = ""
+    """Type of the motor; motors without one are of one unnamed type."""
     sizes: Mapping[str, Size] = field(default_factory=dict)
+    """Sizes of the effects that are properties of the motor or of the bench and not of single runs,
+    by name such as ``"brush_drop.voltage"``."""
     equations: Mapping[str, str] = field(default_factory=dict)
+    """Equation of each effect in the final model, by name."""
     correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    """Posterior correlation of two parameters or sizes; empty if unknown."""
 
 
 def refit_of(

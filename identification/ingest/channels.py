@@ -41,23 +41,20 @@ __all__ = ["Channel", "assign_channels"]
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel and its source column.
-
-    Args:
-        name: Canonical name.
-        column: Source column.
-        unit: Unit of the cells after scale and offset.
-        scale: Factor applied to the cell.
-        offset: Offset added after the factor, in `unit`.
-        period: Change of the cell after which an angle or a counter starts again, or None.
-    """
+    """One channel and its source column."""
 
     name: str
+    """Canonical name."""
     column: Column
+    """Source column."""
     unit: Unit
+    """Unit of the cells after scale and offset."""
     scale: float = 1.0
+    """Factor applied to the cell."""
     offset: float = 0.0
+    """Offset added after the factor, in `unit`."""
     period: float | None = None
+    """Change of the cell after which an angle or a counter starts again, or None."""
 
     @property
     def may_be_blank(self) -> bool:

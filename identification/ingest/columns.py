@@ -18,21 +18,18 @@ _NO_UNIT = ("", "-", "--", "1", "none", "n/a")
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table as described by its header rows.
-
-    Args:
-        index: Position in the table, counted from 0.
-        texts: Non-blank cells of its name rows, from top to bottom.
-        quantities: Quantities that its names may stand for; if several, the unit decides.
-        unit_texts: Units as written in the names and in the units rows, without duplicates.
-        canonical: Canonical channel name if the header is exactly that name.
-    """
+    """One column of a table as described by its header rows."""
 
     index: int
+    """Position in the table, counted from 0."""
     texts: tuple[str, ...]
+    """Non-blank cells of its name rows, from top to bottom."""
     quantities: frozenset[str]
+    """Quantities that its names may stand for; if several, the unit decides."""
     unit_texts: tuple[str, ...]
+    """Units as written in the names and in the units rows, without duplicates."""
     canonical: str | None = None
+    """Canonical channel name if the header is exactly that name."""
 
     @property
     def title(self) -> str:

@@ -25,19 +25,16 @@ _GZIP = b"\x1f\x8b"
 
 @dataclass(frozen=True)
 class Limits:
-    """Size limits of a run file; a larger file is rejected.
-
-    Args:
-        bytes: Size of the file [bytes].
-        rows: Number of lines of a text file, else of samples.
-        columns: Number of columns of the table.
-        line_bytes: Length of one line [bytes]; a line of twice this length is always rejected.
-    """
+    """Size limits of a run file; a larger file is rejected."""
 
     bytes: int = 2_000_000_000
+    """Size of the file [bytes]."""
     rows: int = 50_000_000
+    """Number of lines of a text file, else of samples."""
     columns: int = 1_000
+    """Number of columns of the table."""
     line_bytes: int = 1_000_000
+    """Length of one line [bytes]; a line of twice this length is always rejected."""
 
 
 class RunFile:

@@ -68,38 +68,32 @@ _HUGE = 1e300
 
 @dataclass(frozen=True)
 class ChannelMapping:
-    """Mapping of one channel.
-
-    Args:
-        channel: Canonical name.
-        column: Header text of the column, or None to omit the channel.
-        unit: Unit after scale and offset, or None if not given.
-        scale: Factor applied to the cell.
-        offset: Offset added after the factor, in `unit`.
-        scaled: True if scale or offset was given.
-        period: Change of the cell after which an angle or a counter starts again, or None.
-    """
+    """Mapping of one channel."""
 
     channel: str
+    """Canonical name."""
     column: str | None
+    """Header text of the column, or None to omit the channel."""
     unit: Unit | None = None
+    """Unit after scale and offset, or None if not given."""
     scale: float = 1.0
+    """Factor applied to the cell."""
     offset: float = 0.0
+    """Offset added after the factor, in `unit`."""
     scaled: bool = False
+    """True if scale or offset was given."""
     period: float | None = None
+    """Change of the cell after which an angle or a counter starts again, or None."""
 
 
 @dataclass(frozen=True)
 class RunMapping:
-    """Mapping of one run file.
-
-    Args:
-        channels: Mapping of each channel, by canonical name.
-        table: Name of the table to read, or None if the columns decide.
-    """
+    """Mapping of one run file."""
 
     channels: Mapping[str, ChannelMapping] = field(default_factory=dict)
+    """Mapping of each channel, by canonical name."""
     table: str | None = None
+    """Name of the table to read, or None if the columns decide."""
 
     def __or__(self, other: RunMapping) -> RunMapping:
         """This mapping with the entries of another one, which takes precedence."""

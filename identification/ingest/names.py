@@ -90,17 +90,14 @@ _WORD = re.compile(r"[^\W\d_]+|\d+")
 
 @dataclass(frozen=True)
 class HeaderText:
-    """Parsed header cell.
-
-    Args:
-        quantities: Quantities that the name may stand for; empty if the name is unknown.
-        unit_text: Unit as written, or None if there is none.
-        canonical: Canonical channel name if the header is exactly that name.
-    """
+    """Parsed header cell."""
 
     quantities: frozenset[str] = frozenset()
+    """Quantities that the name may stand for; empty if the name is unknown."""
     unit_text: str | None = None
+    """Unit as written, or None if there is none."""
     canonical: str | None = None
+    """Canonical channel name if the header is exactly that name."""
 
 
 def read_header(text: str) -> HeaderText:

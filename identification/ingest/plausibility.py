@@ -27,21 +27,18 @@ __all__ = ["BOUNDS", "Bounds", "check_values"]
 
 @dataclass(frozen=True)
 class Bounds:
-    """Accepted and usual range of a channel, in SI units.
-
-    Args:
-        possible: Lowest and highest accepted value; a value outside raises an error.
-        usual: Lowest and highest usual value; a value outside gives a warning.
-        hint: Most likely cause of a value outside.
-        least: Smallest usual peak magnitude of a run, zero for none.
-        small: Most likely cause of a smaller peak.
-    """
+    """Accepted and usual range of a channel, in SI units."""
 
     possible: tuple[float, float]
+    """Lowest and highest accepted value; a value outside raises an error."""
     usual: tuple[float, float]
+    """Lowest and highest usual value; a value outside gives a warning."""
     hint: str
+    """Most likely cause of a value outside."""
     least: float = 0.0
+    """Smallest usual peak magnitude of a run, zero for none."""
     small: str = ""
+    """Most likely cause of a smaller peak."""
 
 
 BOUNDS = {

@@ -35,20 +35,16 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Samples:
-    """Cells of the channels, as written in the file.
-
-    Args:
-        cells: Channel name to (n_sample,), in the units of the file, NaN where a cell is blank.
-        row: Function from sample index to row in the file: its line, or the row of its sheet.
-        warnings: Warnings about the file as a whole.
-        methods: Channel name to ``linear`` or ``hold``, for channels brought to the clock of
-            another one.
-    """
+    """Cells of the channels, as written in the file."""
 
     cells: dict[str, Array]
+    """Channel name to (n_sample,), in the units of the file, NaN where a cell is blank."""
     row: Callable[[int], int]
+    """Function from sample index to row in the file: its line, or the row of its sheet."""
     warnings: tuple[RunWarning, ...] = ()
+    """Warnings about the file as a whole."""
     methods: Mapping[str, str] = field(default_factory=dict)
+    """Channel name to ``linear`` or ``hold``, for channels brought to the clock of another one."""
 
 
 class SourceTable(Protocol):
@@ -68,19 +64,16 @@ class SourceTable(Protocol):
 
 @dataclass(frozen=True)
 class TableSet:
-    """Tables of a file that can hold several.
-
-    Args:
-        kind: Word for a table in messages, such as ``sheet``.
-        tables: Tables by name, in the order of the file.
-        joined: The channels of all tables as one, if their clocks have a common origin.
-        notes: Content that is not read, for the error of a file without a run.
-    """
+    """Tables of a file that can hold several."""
 
     kind: str
+    """Word for a table in messages, such as ``sheet``."""
     tables: Mapping[str, SourceTable]
+    """Tables by name, in the order of the file."""
     joined: SourceTable | None = None
+    """The channels of all tables as one, if their clocks have a common origin."""
     notes: str = ""
+    """Content that is not read, for the error of a file without a run."""
 
 
 class Reader(Protocol):
@@ -104,17 +97,14 @@ class Reader(Protocol):
 
 @dataclass(frozen=True)
 class ArrayTable:
-    """Source table in memory.
-
-    Args:
-        columns: Columns from left to right.
-        cells: (n_sample,) for each column, NaN where the file has no value.
-        first_row: Row of the first sample in messages.
-    """
+    """Source table in memory."""
 
     columns: Sequence[Column]
+    """Columns from left to right."""
     cells: Sequence[ArrayLike]
+    """(n_sample,) for each column, NaN where the file has no value."""
     first_row: int = 1
+    """Row of the first sample in messages."""
 
     def read(self, channels: Sequence[Channel]) -> Samples:
         """Select the arrays of the channels."""

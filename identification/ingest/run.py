@@ -51,19 +51,16 @@ class RunWarning:
 
 @dataclass(frozen=True)
 class SourceLocator:
-    """Source position (file, row, column) of a channel and a sample, for errors and warnings.
-
-    Args:
-        file: Name of the file in messages.
-        columns: Channel name to header text.
-        row: Function from sample index to row in the file.
-        derived: Channel name to the channel from which it is derived; both have one column.
-    """
+    """Source position (file, row, column) of a channel and a sample, for errors and warnings."""
 
     file: str
+    """Name of the file in messages."""
     columns: Mapping[str, str]
+    """Channel name to header text."""
     row: Callable[[int], int]
+    """Function from sample index to row in the file."""
     derived: Mapping[str, str] = field(default_factory=dict)
+    """Channel name to the channel from which it is derived; both have one column."""
 
     def error(
         self,
@@ -133,36 +130,33 @@ class Source:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of one motor.
-
-    Args:
-        name: File name as given by the user, without directories.
-        sha256: SHA-256 of the file content, in hexadecimal.
-        time: (n_sample,) strictly increasing [s].
-        voltage: (n_sample,) [V].
-        current: (n_sample,) [A].
-        speed: (n_sample,) [rad/s].
-        temperature: (n_sample,) [degC], or None if not recorded.
-        position: (n_sample,) [rad], or None if not recorded.
-        segments: Half-open sample ranges between gaps in the record; a run without gaps has one,
-            ``((0, n_sample),)``.  The motor state is continuous within a segment only.
-        clipped: Channel name to boolean (n_sample,), True where the sensor saturated.
-        warnings: Warnings issued while reading.
-        sources: Channel name to source column; empty for a synthetic run.
-    """
+    """One run of one motor."""
 
     name: str
+    """File name as given by the user, without directories."""
     sha256: str
+    """SHA-256 of the file content, in hexadecimal."""
     time: Array
+    """(n_sample,) strictly increasing [s]."""
     voltage: Array
+    """(n_sample,) [V]."""
     current: Array
+    """(n_sample,) [A]."""
     speed: Array
+    """(n_sample,) [rad/s]."""
     temperature: Array | None = None
+    """(n_sample,) [degC], or None if not recorded."""
     position: Array | None = None
+    """(n_sample,) [rad], or None if not recorded."""
     segments: tuple[tuple[int, int], ...] = ()
+    """Half-open sample ranges between gaps in the record; a run without gaps has one, ``((0,
+    n_sample),)``.  The motor state is continuous within a segment only."""
     clipped: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    """Channel name to boolean (n_sample,), True where the sensor saturated."""
     warnings: tuple[RunWarning, ...] = ()
+    """Warnings issued while reading."""
     sources: Mapping[str, Source] = field(default_factory=dict)
+    """Channel name to source column; empty for a synthetic run."""
 
     def __post_init__(self) -> None:
         if not self.segments:

@@ -50,23 +50,20 @@ _FACTOR_UNITS = {"duty": "ratio", "bus_voltage_V": "V"}
 
 @dataclass(frozen=True)
 class Unit:
-    """One accepted unit: ``value in SI = (cell + shift) * factor``.
-
-    Args:
-        name: Spelling used in messages and mappings.
-        quantity: Physical quantity, one of the values of `CHANNEL_QUANTITIES`, or ``duty``.
-        factor: SI units per unit.
-        shift: Offset added to the cell before the factor [this unit].
-        symbols: Case-sensitive spellings, separated by blanks.
-        words: Case-insensitive spellings, in lower case, separated by blanks.
-    """
+    """One accepted unit: ``value in SI = (cell + shift) * factor``."""
 
     name: str
+    """Spelling used in messages and mappings."""
     quantity: str
+    """Physical quantity, one of the values of `CHANNEL_QUANTITIES`, or ``duty``."""
     factor: float = 1.0
+    """SI units per unit."""
     shift: float = 0.0
+    """Offset added to the cell before the factor [this unit]."""
     symbols: str = ""
+    """Case-sensitive spellings, separated by blanks."""
     words: str = ""
+    """Case-insensitive spellings, in lower case, separated by blanks."""
 
     @property
     def spellings(self) -> tuple[str, ...]:

@@ -20,27 +20,24 @@ _STANDSTILL: Final = 0.01
 
 @dataclass(frozen=True)
 class Excitation:
-    """Operating points that a set of samples covers.
-
-    Args:
-        forward: Fraction of the time at positive speed [-].
-        reverse: Fraction of the time at negative speed [-].
-        standstill: Fraction of the time at standstill [-].
-        voltage_V: Smallest and largest voltage [V].
-        current_A: Smallest and largest current [A].
-        speed_rad_s: Smallest and largest speed [rad/s].
-        temperature_degC: Lowest and highest temperature [degC]; None if not logged.
-        duration_s: Time without gaps [s].
-    """
+    """Operating points that a set of samples covers."""
 
     forward: float
+    """Fraction of the time at positive speed [-]."""
     reverse: float
+    """Fraction of the time at negative speed [-]."""
     standstill: float
+    """Fraction of the time at standstill [-]."""
     voltage_V: tuple[float, float]
+    """Smallest and largest voltage [V]."""
     current_A: tuple[float, float]
+    """Smallest and largest current [A]."""
     speed_rad_s: tuple[float, float]
+    """Smallest and largest speed [rad/s]."""
     temperature_degC: tuple[float, float] | None
+    """Lowest and highest temperature [degC]; None if not logged."""
     duration_s: float
+    """Time without gaps [s]."""
 
     @property
     def temperature_span(self) -> float:

@@ -36,26 +36,22 @@ __all__ = ["Preview", "check", "examine"]
 
 @dataclass(frozen=True)
 class Preview:
-    """Preview of run files before a fit.
-
-    Args:
-        runs: Readable runs, in the order given.
-        errors: Reasons why the other files cannot be read, or why the runs together cannot be
-            fitted.
-        findings: Contradictions and suspicions in the readable runs.
-        excitation: Excitation of each readable run.
-        prospects: Expected precision of the nominal parameters; empty if runs contradict.
-        notes: What the runs cannot show, and what to record instead.
-        records: Records of the readable runs; empty if they do not suffice for a fit.
-    """
+    """Preview of run files before a fit."""
 
     runs: tuple[Run, ...]
+    """Readable runs, in the order given."""
     errors: tuple[InputError, ...]
+    """Reasons why the other files cannot be read, or why the runs together cannot be fitted."""
     findings: tuple[Finding, ...]
+    """Contradictions and suspicions in the readable runs."""
     excitation: tuple[Excitation, ...]
+    """Excitation of each readable run."""
     prospects: tuple[Prospect, ...]
+    """Expected precision of the nominal parameters; empty if runs contradict."""
     notes: tuple[str, ...]
+    """What the runs cannot show, and what to record instead."""
     records: tuple[Record, ...] = ()
+    """Records of the readable runs; empty if they do not suffice for a fit."""
 
     def with_prospects(self) -> Preview:
         """The preview with the expected precision, unless runs contradict."""

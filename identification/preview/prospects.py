@@ -52,24 +52,21 @@ _ADVICE: Final = {
 
 @dataclass(frozen=True)
 class Prospect:
-    """Expected precision of one parameter.
-
-    Args:
-        name: Parameter of the nominal model.
-        value: Estimate from the segments [unit].
-        unit: Its unit.
-        sd: Standard deviation that a fit of all runs can reach; infinite if the runs contain no
-            information on it [unit].
-        identified: Whether this precision satisfies the criterion of the result.
-        advice: What to record so that it does; empty if it does.
-    """
+    """Expected precision of one parameter."""
 
     name: str
+    """Parameter of the nominal model."""
     value: float
+    """Estimate from the segments [unit]."""
     unit: str
+    """Its unit."""
     sd: float
+    """Standard deviation that a fit of all runs can reach; infinite if the runs contain no
+    information on it [unit]."""
     identified: bool
+    """Whether this precision satisfies the criterion of the result."""
     advice: str = ""
+    """What to record so that it does; empty if it does."""
 
 
 def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Prospect]:

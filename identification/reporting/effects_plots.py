@@ -57,17 +57,14 @@ _STYLE: Final = (
 
 @dataclass(frozen=True)
 class Signature:
-    """Difference between the example motor with and without an effect.
-
-    Args:
-        x: (n_sample,) abscissa.
-        x_label: Its name and unit.
-        curves: Name and unit of each ordinate, with (n_sample,) values.
-    """
+    """Difference between the example motor with and without an effect."""
 
     x: Array
+    """(n_sample,) abscissa."""
     x_label: str
+    """Its name and unit."""
     curves: dict[str, Array]
+    """Name and unit of each ordinate, with (n_sample,) values."""
 
 
 def signature(kind: type[AbstractEffect], scales: CampaignScales) -> Signature:

@@ -31,19 +31,16 @@ _NARROW, _WIDE = 460.0, 920.0
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """One figure of a report.
-
-    Args:
-        svg: SVG element; its classes are those of the style sheet of the page.
-        title: Title, which the report only reads out.
-        caption: Caption as text.
-        is_wide: Whether the figure has the width of the page.
-    """
+    """One figure of a report."""
 
     svg: Markup
+    """SVG element; its classes are those of the style sheet of the page."""
     title: str
+    """Title, which the report only reads out."""
     caption: str
+    """Caption as text."""
     is_wide: bool
+    """Whether the figure has the width of the page."""
 
 
 def report_figures(text: str, section: str) -> list[ReportFigure]:

@@ -54,48 +54,42 @@ class KeyFigure:
 
 @dataclass(frozen=True, eq=False)
 class EffectTile:
-    """One effect of the final model with its evidence.
-
-    Args:
-        name: Name of the effect in words.
-        place: Equation and drivers.
-        probability: Posterior model probability as text.
-        amount: First parameter of the effect with its interval.
-        evidence: Label and text of each number that supports the effect.
-        alternatives: Effects that the runs cannot exclude, with their probabilities.
-        term: Estimates of the missing quantity against the driver; None if not computed.
-    """
+    """One effect of the final model with its evidence."""
 
     name: str
+    """Name of the effect in words."""
     place: str
+    """Equation and drivers."""
     probability: str
+    """Posterior model probability as text."""
     amount: str
+    """First parameter of the effect with its interval."""
     evidence: tuple[tuple[str, str], ...]
+    """Label and text of each number that supports the effect."""
     alternatives: str
+    """Effects that the runs cannot exclude, with their probabilities."""
     term: MissingTerm | None
+    """Estimates of the missing quantity against the driver; None if not computed."""
 
 
 @dataclass(frozen=True)
 class ErrorBar:
-    """RMSE over sensor noise of one channel on the deciding runs, before and after.
-
-    Args:
-        channel: ``current`` or ``speed``.
-        role: Role of the runs.
-        before: Noise ratio of the nominal model as text; empty if it is the final model.
-        after: Noise ratio of the final model as text.
-        fit: 100 % (1 - NRMSE) as text.
-        widths: Lengths of both bars and position of the noise, in per cent of the common scale.
-        tone: ``good``, ``fair``, ``bad`` or ``plain``.
-    """
+    """RMSE over sensor noise of one channel on the deciding runs, before and after."""
 
     channel: str
+    """``current`` or ``speed``."""
     role: str
+    """Role of the runs."""
     before: str
+    """Noise ratio of the nominal model as text; empty if it is the final model."""
     after: str
+    """Noise ratio of the final model as text."""
     fit: str
+    """100 % (1 - NRMSE) as text."""
     widths: tuple[float, float, float]
+    """Lengths of both bars and position of the noise, in per cent of the common scale."""
     tone: str
+    """``good``, ``fair``, ``bad`` or ``plain``."""
 
 
 def facts(data: ReportData) -> list[tuple[str, str]]:

@@ -57,21 +57,18 @@ _WIDE: Final = 0.2
 
 @dataclass(frozen=True)
 class LoopComparison:
-    """Metrics of one controller: for each temperature, one column per model.
-
-    Args:
-        controller: Controller as the user wrote it.
-        temperatures: Headings of the groups of columns.
-        ways: Headings of the columns in each group.
-        rows: Label, unit and cells of each metric, group after group.
-        remark: Note on the simulated loops: the step and the effects; empty if there are none.
-    """
+    """Metrics of one controller: for each temperature, one column per model."""
 
     controller: str
+    """Controller as the user wrote it."""
     temperatures: tuple[str, ...]
+    """Headings of the groups of columns."""
     ways: tuple[str, ...]
+    """Headings of the columns in each group."""
     rows: tuple[MetricRow, ...]
+    """Label, unit and cells of each metric, group after group."""
     remark: str
+    """Note on the simulated loops: the step and the effects; empty if there are none."""
 
 
 def loop_comparisons(result: Entry) -> list[LoopComparison]:

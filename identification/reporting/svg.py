@@ -55,18 +55,16 @@ _identifiers: Iterator[int] = itertools.count(1)
 class Frame:
     """Rectangle of the drawing that shows a range of the data.
 
-    Args:
-        box: Left, top, width and height in drawing units.
-        x_range: Data values at the left and right edge.
-        y_range: Data values at the bottom and top edge.
-
     Raises:
         ValueError: A range is not finite.
     """
 
     box: tuple[float, float, float, float]
+    """Left, top, width and height in drawing units."""
     x_range: tuple[float, float]
+    """Data values at the left and right edge."""
     y_range: tuple[float, float]
+    """Data values at the bottom and top edge."""
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, (*self.x_range, *self.y_range))):

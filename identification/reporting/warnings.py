@@ -19,19 +19,16 @@ _TITLES: Final = {
 
 
 class WarningItem(NamedTuple):
-    """One warning; the remedies and the code may be empty.
-
-    Args:
-        message: Description without the remedy.
-        fix: Remedy with the options of the command line.
-        service: Field of the form and option of a request for the same remedy.
-        code: Identifier, which is a heading of docs/troubleshooting.md.
-    """
+    """One warning; the remedies and the code may be empty."""
 
     message: str
+    """Description without the remedy."""
     fix: str
+    """Remedy with the options of the command line."""
     service: str
+    """Field of the form and option of a request for the same remedy."""
     code: str
+    """Identifier, which is a heading of docs/troubleshooting.md."""
 
 
 @dataclass(frozen=True)

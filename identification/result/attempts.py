@@ -29,13 +29,10 @@ _FAILURES: Final = (ArithmeticError, LookupError, TypeError, ValueError)
 
 @dataclass
 class Attempts:
-    """Sections of one page, and remarks on those that could not be computed.
-
-    Args:
-        remarks: One sentence for each missing section.
-    """
+    """Sections of one page, and remarks on those that could not be computed."""
 
     remarks: list[str] = field(default_factory=list)
+    """One sentence for each missing section."""
 
     def part(
         self,

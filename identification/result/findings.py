@@ -35,49 +35,46 @@ _GROSS = 1.5
 
 @dataclass(frozen=True)
 class Findings:
-    """Findings of the identification stages.
-
-    Args:
-        campaign: Runs and records.
-        options: Options of the user.
-        declared: Fit of the nominal model (before).
-        declared_draws: Draws of its posterior, physical, by name.
-        final: Fit of the final model (after).
-        fraction: Effective sample fraction in the final model.
-        draws: Draws of the final model's posterior, physical, by name.
-        sample: The chain, None if none was requested.
-        feedback: The feedback list of the result.
-        outcome: Outcome of the effect search, None if none was made.
-        feedback_before: The feedback list of the nominal model; empty if that is the final model.
-        suited: PI controller that suits the motor; None if the rule gives none.
-        loops: Closed-loop simulations with the effects; empty if no effect acts in the loop.
-        localisation: Missing voltage and torque of the nominal model, None if not estimated.
-        left: Missing voltage and torque of the final model, None if not estimated.
-        interrupted: Whether the time limit stopped a stage.
-        omitted: Terms that are not in the final model and could change its parameters.
-        admission: Findings of the input checks and the runs set aside, None if no check was made.
-        contradicted: Known values that the runs contradict.
-    """
+    """Findings of the identification stages."""
 
     campaign: Campaign
+    """Runs and records."""
     options: FitOptions
+    """Options of the user."""
     declared: Fit
+    """Fit of the nominal model (before)."""
     declared_draws: dict[str, Array]
+    """Draws of its posterior, physical, by name."""
     final: Fit
+    """Fit of the final model (after)."""
     fraction: float
+    """Effective sample fraction in the final model."""
     draws: dict[str, Array]
+    """Draws of the final model's posterior, physical, by name."""
     sample: Sample | None
+    """The chain, None if none was requested."""
     feedback: list[dict[str, object]]
+    """The feedback list of the result."""
     outcome: Outcome | None = None
+    """Outcome of the effect search, None if none was made."""
     feedback_before: list[dict[str, object]] = field(default_factory=list)
+    """The feedback list of the nominal model; empty if that is the final model."""
     suited: AbstractController | None = None
+    """PI controller that suits the motor; None if the rule gives none."""
     loops: tuple[SimulatedLoop, ...] = ()
+    """Closed-loop simulations with the effects; empty if no effect acts in the loop."""
     localisation: Localisation | None = None
+    """Missing voltage and torque of the nominal model, None if not estimated."""
     left: Localisation | None = None
+    """Missing voltage and torque of the final model, None if not estimated."""
     interrupted: bool = False
+    """Whether the time limit stopped a stage."""
     omitted: tuple[OmittedTerm, ...] = ()
+    """Terms that are not in the final model and could change its parameters."""
     admission: Admission | None = None
+    """Findings of the input checks and the runs set aside, None if no check was made."""
     contradicted: tuple[Comparison, ...] = ()
+    """Known values that the runs contradict."""
 
     @cached_property
     def simulated(self) -> dict[str, dict[str, list[Simulated]]]:

@@ -21,17 +21,14 @@ _Edge = tuple[int, int, bool]
 
 @dataclass(frozen=True, eq=False)
 class Density:
-    """Density of draws on a grid.
-
-    Args:
-        x: (n_x,) centres of the cells.
-        y: (n_y,) centres of the cells.
-        height: (n_y, n_x) fraction of the draws in each cell [-].
-    """
+    """Density of draws on a grid."""
 
     x: Array
+    """(n_x,) centres of the cells."""
     y: Array
+    """(n_y,) centres of the cells."""
     height: Array
+    """(n_y, n_x) fraction of the draws in each cell [-]."""
 
 
 def density(

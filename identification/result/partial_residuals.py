@@ -46,27 +46,23 @@ _STEPS_KEPT: Final = ("L", "J")
 
 @dataclass(frozen=True, eq=False)
 class PathSamples:
-    """Samples of training records along the simulation of the final model.
-
-    Args:
-        record: (n_sample,) index of the record.
-        time: (n_sample,) time in its run [s].
-        drivers: Each driver by name, and ``peak_temperature``, (n_sample,) each.
-        rates: (n_sample, 2) di/dt and dw/dt [A/s, rad/s^2].
-        effects: Voltage and torque by effect name, (n_draw, n_sample, 2) [V, N m]; the first draw
-            is the fit.
-        missing: (n_sample, 2) estimate of all effects together from the data [V, N m]; NaN where
-            unknown.
-        missing_sd: (n_sample, 2) its standard deviation [V, N m].
-    """
+    """Samples of training records along the simulation of the final model."""
 
     record: NDArray[np.int_]
+    """(n_sample,) index of the record."""
     time: Array
+    """(n_sample,) time in its run [s]."""
     drivers: dict[str, Array]
+    """Each driver by name, and ``peak_temperature``, (n_sample,) each."""
     rates: Array
+    """(n_sample, 2) di/dt and dw/dt [A/s, rad/s^2]."""
     effects: dict[str, Array]
+    """Voltage and torque by effect name, (n_draw, n_sample, 2) [V, N m]; the first draw is the
+    fit."""
     missing: Array
+    """(n_sample, 2) estimate of all effects together from the data [V, N m]; NaN where unknown."""
     missing_sd: Array
+    """(n_sample, 2) its standard deviation [V, N m]."""
 
     def missing_for(self, name: str) -> Array:
         """Partial residual of one effect, (n_sample, 2): trace minus the other fitted effects."""
@@ -76,19 +72,16 @@ class PathSamples:
 
 @dataclass(frozen=True, eq=False)
 class FinalPath:
-    """Simulation of the final model over the training records, at the fit and at posterior draws.
-
-    Args:
-        final: Fit of the final model.
-        values: (n_parameter, n_draw) physical parameters; the first draw is the fit.
-        states: For each record (n_sample, n_state, n_draw).
-        localisation: Missing terms of the nominal model; None if not known.
-    """
+    """Simulation of the final model over the training records, for fit and posterior draws."""
 
     final: Fit
+    """Fit of the final model."""
     values: Array
+    """(n_parameter, n_draw) physical parameters; the first draw is the fit."""
     states: Sequence[Array]
+    """For each record (n_sample, n_state, n_draw)."""
     localisation: Localisation | None
+    """Missing terms of the nominal model; None if not known."""
 
     @cached_property
     def everywhere(self) -> PathSamples:

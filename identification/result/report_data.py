@@ -29,232 +29,203 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class RunTraces:
-    """Measured and simulated signals of one run.
-
-    Args:
-        name: File name as the user gave it.
-        role: ``training`` or ``validation``.
-        time: (n_sample,) increasing [s].
-        voltage: (n_sample,) [V].
-        temperature: (n_sample,) [degC], or None if not logged.
-        measured_current: (n_sample,) [A]; NaN where the sample was not used.
-        measured_speed: (n_sample,) [rad/s]; NaN where the sample was not used.
-        after_current: (n_sample,) simulated by the final model [A].
-        after_speed: (n_sample,) simulated by the final model [rad/s].
-        before_current: (n_sample,) simulated by the nominal model [A]; None if that is the final
-            model.
-        before_speed: (n_sample,) simulated by the nominal model [rad/s]; None if that is the final
-            model.
-    """
+    """Measured and simulated signals of one run."""
 
     name: str
+    """File name as the user gave it."""
     role: Literal["training", "validation"]
+    """``training`` or ``validation``."""
     time: Array
+    """(n_sample,) increasing [s]."""
     voltage: Array
+    """(n_sample,) [V]."""
     temperature: Array | None
+    """(n_sample,) [degC], or None if not logged."""
     measured_current: Array
+    """(n_sample,) [A]; NaN where the sample was not used."""
     measured_speed: Array
+    """(n_sample,) [rad/s]; NaN where the sample was not used."""
     after_current: Array
+    """(n_sample,) simulated by the final model [A]."""
     after_speed: Array
+    """(n_sample,) simulated by the final model [rad/s]."""
     before_current: Array | None = None
+    """(n_sample,) simulated by the nominal model [A]; None if that is the final model."""
     before_speed: Array | None = None
+    """(n_sample,) simulated by the nominal model [rad/s]; None if that is the final model."""
 
 
 @dataclass(frozen=True, eq=False)
 class PosteriorChain:
-    """Chain of the sampler after burn-in.
-
-    Args:
-        names: (n_param,) names as in the result.
-        units: (n_param,) their units.
-        chain: (n_step, n_walker, n_param), each in its unit.
-        least_length: Length required of a converged chain [autocorrelation times]; None if unknown.
-        largest_r_hat: Largest split R-hat of a converged chain; None if unknown.
-    """
+    """Chain of the sampler after burn-in."""
 
     names: tuple[str, ...]
+    """(n_param,) names as in the result."""
     units: tuple[str, ...]
+    """(n_param,) their units."""
     chain: Array
+    """(n_step, n_walker, n_param), each in its unit."""
     least_length: float | None = None
+    """Length required of a converged chain [autocorrelation times]; None if unknown."""
     largest_r_hat: float | None = None
+    """Largest split R-hat of a converged chain; None if unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoefficientCurve:
-    """Coefficient of the motor over temperature, with its 90 % band.
-
-    Args:
-        name: ``Ra`` or ``Kt``.
-        unit: Unit of the curves.
-        temperature: (n_point,) increasing [degC].
-        median: (n_point,) median.
-        q05: (n_point,) lower end of the band.
-        q95: (n_point,) upper end of the band.
-        before: (n_point,) median of the nominal model; None if that is the final model.
-    """
+    """Coefficient of the motor over temperature, with its 90 % band."""
 
     name: str
+    """``Ra`` or ``Kt``."""
     unit: str
+    """Unit of the curves."""
     temperature: Array
+    """(n_point,) increasing [degC]."""
     median: Array
+    """(n_point,) median."""
     q05: Array
+    """(n_point,) lower end of the band."""
     q95: Array
+    """(n_point,) upper end of the band."""
     before: Array | None = None
+    """(n_point,) median of the nominal model; None if that is the final model."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """Speed of the closed loop after a unit step of the reference, with its 90 % band.
-
-    Args:
-        temperature_degC: Temperature of winding and magnet [degC].
-        controller: Controller as the user gave it, such as ``PI:2,10``.
-        time: (n_point,) increasing from zero [s].
-        median: (n_point,) speed over reference [-].
-        q05: (n_point,) lower end of the band [-].
-        q95: (n_point,) upper end of the band [-].
-        simulated: (n_point,) median with the effects in the loop [-]; None if no effect acts there.
-    """
+    """Speed of the closed loop after a unit step of the reference, with its 90 % band."""
 
     temperature_degC: float
+    """Temperature of winding and magnet [degC]."""
     controller: str
+    """Controller as the user gave it, such as ``PI:2,10``."""
     time: Array
+    """(n_point,) increasing from zero [s]."""
     median: Array
+    """(n_point,) speed over reference [-]."""
     q05: Array
+    """(n_point,) lower end of the band [-]."""
     q95: Array
+    """(n_point,) upper end of the band [-]."""
     simulated: Array | None = None
+    """(n_point,) median with the effects in the loop [-]; None if no effect acts there."""
 
 
 @dataclass(frozen=True, eq=False)
 class MissingTerm:
-    """Missing voltage or torque against one driver, with the fitted effect.
-
-    Args:
-        equation: ``electrical`` or ``mechanical``.
-        quantity: Label, such as ``missing torque``.
-        unit: Unit of the quantity.
-        driver: Label, such as ``speed``.
-        driver_unit: Unit of the driver.
-        driver_values: (n_sample,) driver values of the estimates.
-        estimate: (n_sample,) smoothed missing term.
-        grid: (n_point,) increasing driver values of the curve; empty if no effect was fitted.
-        median: (n_point,) the fitted effect.
-        q05: (n_point,) lower end of its 90 % band.
-        q95: (n_point,) upper end of its 90 % band.
-        effect: Name of the fitted effect; empty if none was fitted.
-    """
+    """Missing voltage or torque against one driver, with the fitted effect."""
 
     equation: str
+    """``electrical`` or ``mechanical``."""
     quantity: str
+    """Label, such as ``missing torque``."""
     unit: str
+    """Unit of the quantity."""
     driver: str
+    """Label, such as ``speed``."""
     driver_unit: str
+    """Unit of the driver."""
     driver_values: Array
+    """(n_sample,) driver values of the estimates."""
     estimate: Array
+    """(n_sample,) smoothed missing term."""
     grid: Array = field(default_factory=lambda: np.zeros(0))
+    """(n_point,) increasing driver values of the curve; empty if no effect was fitted."""
     median: Array = field(default_factory=lambda: np.zeros(0))
+    """(n_point,) the fitted effect."""
     q05: Array = field(default_factory=lambda: np.zeros(0))
+    """(n_point,) lower end of its 90 % band."""
     q95: Array = field(default_factory=lambda: np.zeros(0))
+    """(n_point,) upper end of its 90 % band."""
     effect: str = ""
+    """Name of the fitted effect; empty if none was fitted."""
 
 
 @dataclass(frozen=True, eq=False)
 class MissingTrace:
-    """Missing voltage or torque over the time of one run, with its 90 % band.
-
-    Args:
-        run: Name of the run.
-        quantity: Label, such as ``missing torque``.
-        unit: Unit of the quantity.
-        time: (n_sample,) increasing [s].
-        median: (n_sample,) smoothed missing term.
-        q05: (n_sample,) lower end of the band.
-        q95: (n_sample,) upper end of the band.
-        fitted: (n_sample,) the fitted effects over the same time; empty if none was fitted.
-        effect: Names of the fitted effects; empty if none was fitted.
-    """
+    """Missing voltage or torque over the time of one run, with its 90 % band."""
 
     run: str
+    """Name of the run."""
     quantity: str
+    """Label, such as ``missing torque``."""
     unit: str
+    """Unit of the quantity."""
     time: Array
+    """(n_sample,) increasing [s]."""
     median: Array
+    """(n_sample,) smoothed missing term."""
     q05: Array
+    """(n_sample,) lower end of the band."""
     q95: Array
+    """(n_sample,) upper end of the band."""
     fitted: Array = field(default_factory=lambda: np.zeros(0))
+    """(n_sample,) the fitted effects over the same time; empty if none was fitted."""
     effect: str = ""
+    """Names of the fitted effects; empty if none was fitted."""
 
 
 @dataclass(frozen=True)
 class CandidateRow:
-    """CandidateRow effect of the search.
-
-    Args:
-        name: Name of the effect.
-        equation: Equation that it enters.
-        explained: Fraction of the squared residual that it explains on the training runs [-].
-        validation: Relative change of the squared error on the validation runs [-].
-        probability: Posterior model probability [-].
-        verdict: ``chosen``, ``alternative`` or ``ruled out``.
-        reason: Reason for the verdict, one sentence.
-    """
+    """CandidateRow effect of the search."""
 
     name: str
+    """Name of the effect."""
     equation: str
+    """Equation that it enters."""
     explained: float | None
+    """Fraction of the squared residual that it explains on the training runs [-]."""
     validation: float | None
+    """Relative change of the squared error on the validation runs [-]."""
     probability: float | None
+    """Posterior model probability [-]."""
     verdict: Literal["chosen", "alternative", "ruled out"]
+    """``chosen``, ``alternative`` or ``ruled out``."""
     reason: str = ""
+    """Reason for the verdict, one sentence."""
 
 
 @dataclass(frozen=True, eq=False)
 class SearchAccount:
-    """Account of the effect search for the report.
-
-    Args:
-        sentences: Findings in plain words, one paragraph each.
-        terms: Missing torque or voltage against its drivers.
-        traces: Missing torque or voltage over time.
-        candidates: Candidates of the search, best first.
-        remaining: What the final model does not explain, in plain words.
-    """
+    """Account of the effect search for the report."""
 
     sentences: tuple[str, ...] = ()
+    """Findings in plain words, one paragraph each."""
     terms: tuple[MissingTerm, ...] = ()
+    """Missing torque or voltage against its drivers."""
     traces: tuple[MissingTrace, ...] = ()
+    """Missing torque or voltage over time."""
     candidates: tuple[CandidateRow, ...] = ()
+    """Candidates of the search, best first."""
     remaining: tuple[str, ...] = ()
+    """What the final model does not explain, in plain words."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything that a report shows.
-
-    Args:
-        result: Content of result.json.
-        runs: Training runs, then validation runs.
-        coefficients: Ra(T) and Kt(T).
-        steps: Closed-loop step responses, each controller at each temperature.
-        posterior: The chain; None if not sampled.
-        account: Account of the effect search; None if none was made.
-        equations: The final model in MathML, printed from the simulated expressions.
-        reasons: Why a parameter is not identified, one sentence by name.
-        undrawn: What could not be drawn and why, one sentence each.
-        confusions: What the runs cannot distinguish from the effects found, one text each.
-        title: Title of the report.
-        created: Date of the fit, such as ``2026-11-23``; empty if unknown.
-    """
+    """Everything that a report shows."""
 
     result: Mapping[str, Any]
+    """Content of result.json."""
     runs: tuple[RunTraces, ...]
+    """Training runs, then validation runs."""
     coefficients: tuple[CoefficientCurve, ...] = ()
+    """Ra(T) and Kt(T)."""
     steps: tuple[StepResponse, ...] = ()
+    """Closed-loop step responses, each controller at each temperature."""
     posterior: PosteriorChain | None = None
+    """The chain; None if not sampled."""
     account: SearchAccount | None = None
+    """Account of the effect search; None if none was made."""
     equations: tuple[str, ...] = ()
+    """The final model in MathML, printed from the simulated expressions."""
     reasons: Mapping[str, str] = field(default_factory=dict)
+    """Why a parameter is not identified, one sentence by name."""
     undrawn: tuple[str, ...] = ()
+    """What could not be drawn and why, one sentence each."""
     confusions: tuple[str, ...] = ()
+    """What the runs cannot distinguish from the effects found, one text each."""
     title: str = "Motor identification"
+    """Title of the report."""
     created: str = ""
+    """Date of the fit, such as ``2026-11-23``; empty if unknown."""

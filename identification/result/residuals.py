@@ -38,22 +38,18 @@ _SHORTEST = 8
 
 @dataclass(frozen=True, eq=False)
 class ResidualCheck:
-    """Residual correlations of one channel over all runs of one role.
-
-    Args:
-        channel: ``current`` or ``speed``.
-        own: Autocorrelation.
-        voltage: Cross-correlation with the voltage.
-        own_before: Autocorrelation for the nominal model; None if that is the final model.
-        voltage_before: Cross-correlation with the voltage for the nominal model; None if that is
-            the final model.
-    """
+    """Residual correlations of one channel over all runs of one role."""
 
     channel: str
+    """``current`` or ``speed``."""
     own: Correlation
+    """Autocorrelation."""
     voltage: Correlation
+    """Cross-correlation with the voltage."""
     own_before: Correlation | None
+    """Autocorrelation for the nominal model; None if that is the final model."""
     voltage_before: Correlation | None
+    """Cross-correlation with the voltage for the nominal model; None if that is the final model."""
 
     def plots(self) -> list[tuple[str, Correlation, Correlation | None]]:
         """Title, and correlation of the final and of the nominal model, of each plot."""

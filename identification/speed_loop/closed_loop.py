@@ -58,13 +58,10 @@ def _belongs_to_a_run(term: AbstractTerm) -> bool:
 
 @dataclass(frozen=True)
 class ClosedLoop(MotorModel):
-    """Motor and controller; the input ``voltage`` is the speed reference [rad/s].
-
-    Args:
-        controller: Controller of the speed.
-    """
+    """Motor and controller; the input ``voltage`` is the speed reference [rad/s]."""
 
     controller: AbstractController = P("P:1", 1.0)
+    """Controller of the speed."""
 
     @cached_property
     def motor(self) -> MotorModel:
@@ -134,25 +131,22 @@ class ClosedLoop(MotorModel):
 
 @dataclass(frozen=True)
 class _Realisation:
-    """Observer canonical form of a controller of order n.
-
-    Args:
-        poles: a_1 to a_n, the monic denominator after s^n, (n,).
-        speed: b_1 to b_n, (n,).
-        reference: br_1 to br_n, (n,).
-        direct_speed: d [V s/rad].
-        direct_reference: dr [V s/rad].
-        derivative: k [V s^2/rad].
-        kick: Factor of the derivative of the reference [V s^2/rad].
-    """
+    """Observer canonical form of a controller of order n."""
 
     poles: Array
+    """a_1 to a_n, the monic denominator after s^n, (n,)."""
     speed: Array
+    """b_1 to b_n, (n,)."""
     reference: Array
+    """br_1 to br_n, (n,)."""
     direct_speed: float
+    """d [V s/rad]."""
     direct_reference: float
+    """dr [V s/rad]."""
     derivative: float
+    """k [V s^2/rad]."""
     kick: float
+    """Factor of the derivative of the reference [V s^2/rad]."""
 
     @classmethod
     def of(cls, controller: AbstractController) -> _Realisation:
@@ -170,21 +164,18 @@ class _Realisation:
 
 @dataclass(frozen=True)
 class LoopRun:
-    """Simulated step responses of a closed loop at one temperature.
-
-    Args:
-        time: (n_time,) uniform, from 0 [s].
-        speed: (n_time, n_draw) [rad/s].
-        acceleration: (n_time, n_draw) [rad/s^2].
-        current: (n_time, n_draw) [A].
-        voltage: (n_time, n_draw), without the impulse of the derivative at 0 [V].
-    """
+    """Simulated step responses of a closed loop at one temperature."""
 
     time: Array
+    """(n_time,) uniform, from 0 [s]."""
     speed: Array
+    """(n_time, n_draw) [rad/s]."""
     acceleration: Array
+    """(n_time, n_draw) [rad/s^2]."""
     current: Array
+    """(n_time, n_draw) [A]."""
     voltage: Array
+    """(n_time, n_draw), without the impulse of the derivative at 0 [V]."""
 
 
 def simulated_loop(

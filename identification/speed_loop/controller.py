@@ -55,19 +55,17 @@ Coefficients = tuple[float, ...]
 class TransferFunction:
     """Controller v = (Nr(s) r - N(s) w) / D(s), by coefficients of falling powers of s.
 
-    Args:
-        numerator: N; the coefficient of s^k has the unit V s/rad s^k.
-        denominator: D; the coefficient of s^k has the unit s^k.
-        reference: Nr, like `numerator`; None if the controller acts on the error r - w.
-
     Raises:
         OptionError: A coefficient is not finite, D begins with 0, or a numerator has a degree above
             that of D plus 1.
     """
 
     numerator: Coefficients
+    """N; the coefficient of s^k has the unit V s/rad s^k."""
     denominator: Coefficients = (1.0,)
+    """D; the coefficient of s^k has the unit s^k."""
     reference: Coefficients | None = None
+    """Nr, like `numerator`; None if the controller acts on the error r - w."""
 
     def __post_init__(self) -> None:
         if not np.isfinite([*self.numerator, *self.denominator, *(self.reference or ())]).all():
@@ -106,15 +104,12 @@ class AbstractController(ABC):
 
 @dataclass(frozen=True)
 class P(AbstractController):
-    """Proportional controller.
-
-    Args:
-        text: Specification as the user wrote it.
-        proportional: Gain kp [V s/rad].
-    """
+    """Proportional controller."""
 
     text: str
+    """Specification as the user wrote it."""
     proportional: float
+    """Gain kp [V s/rad]."""
 
     def transfer_function(self) -> TransferFunction:
         """C(s) = kp."""
@@ -123,17 +118,14 @@ class P(AbstractController):
 
 @dataclass(frozen=True)
 class PI(AbstractController):
-    """Proportional-integral controller.
-
-    Args:
-        text: Specification as the user wrote it.
-        proportional: Gain kp [V s/rad].
-        integral: Gain ki [V/rad].
-    """
+    """Proportional-integral controller."""
 
     text: str
+    """Specification as the user wrote it."""
     proportional: float
+    """Gain kp [V s/rad]."""
     integral: float
+    """Gain ki [V/rad]."""
 
     def transfer_function(self) -> TransferFunction:
         """C(s) = kp + ki / s."""
@@ -142,19 +134,16 @@ class PI(AbstractController):
 
 @dataclass(frozen=True)
 class PIFF(AbstractController):
-    """Proportional-integral controller with static feed-forward of the reference.
-
-    Args:
-        text: Specification as the user wrote it.
-        proportional: Gain kp [V s/rad].
-        integral: Gain ki [V/rad].
-        forward: Feed-forward gain kff [V s/rad].
-    """
+    """Proportional-integral controller with static feed-forward of the reference."""
 
     text: str
+    """Specification as the user wrote it."""
     proportional: float
+    """Gain kp [V s/rad]."""
     integral: float
+    """Gain ki [V/rad]."""
     forward: float
+    """Feed-forward gain kff [V s/rad]."""
 
     def transfer_function(self) -> TransferFunction:
         """Feedback kp + ki / s, and kff from the reference alone."""
@@ -169,19 +158,16 @@ class PIFF(AbstractController):
 
 @dataclass(frozen=True)
 class PID(AbstractController):
-    """Proportional-integral-derivative controller.
-
-    Args:
-        text: Specification as the user wrote it.
-        proportional: Gain kp [V s/rad].
-        integral: Gain ki [V/rad].
-        derivative: Gain kd [V s^2/rad].
-    """
+    """Proportional-integral-derivative controller."""
 
     text: str
+    """Specification as the user wrote it."""
     proportional: float
+    """Gain kp [V s/rad]."""
     integral: float
+    """Gain ki [V/rad]."""
     derivative: float
+    """Gain kd [V s^2/rad]."""
 
     def transfer_function(self) -> TransferFunction:
         """C(s) = kp + ki / s + kd s."""

@@ -26,23 +26,20 @@ _LARGEST_DRAWN: Final = 1e9
 
 @dataclass(frozen=True)
 class StepCurve:
-    """Speed after a reference step of 1 rad/s: pointwise median and 90 % band over the draws.
-
-    Args:
-        controller: The controller as the user wrote it.
-        temperature_degC: Temperature of winding and magnet [degC].
-        time: (n_time,), from 0 [s].
-        median: (n_time,) [rad/s].
-        q05: (n_time,) [rad/s].
-        q95: (n_time,) [rad/s].
-    """
+    """Speed after a reference step of 1 rad/s: pointwise median and 90 % band over the draws."""
 
     controller: str
+    """The controller as the user wrote it."""
     temperature_degC: float  # noqa: N815
+    """Temperature of winding and magnet [degC]."""
     time: Array
+    """(n_time,), from 0 [s]."""
     median: Array
+    """(n_time,) [rad/s]."""
     q05: Array
+    """(n_time,) [rad/s]."""
     q95: Array
+    """(n_time,) [rad/s]."""
 
 
 def step_curves(

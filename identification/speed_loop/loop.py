@@ -41,16 +41,14 @@ class Loop:
     """Open loop L = N / D and closed loop Nr / (D + N), monic, in falling powers of s.
 
     The order n_pole is that of the controller plus 2.
-
-    Args:
-        numerator: N, (n_loop, n_pole), from s^(n_pole - 1) down to s^0.
-        open_denominator: D, (n_loop, n_pole + 1), first coefficient 1.
-        reference: Nr, like `numerator`; None if the controller acts on the error, where it is N.
     """
 
     numerator: Array
+    """N, (n_loop, n_pole), from s^(n_pole - 1) down to s^0."""
     open_denominator: Array
+    """D, (n_loop, n_pole + 1), first coefficient 1."""
     reference: Array | None = None
+    """Nr, like `numerator`; None if the controller acts on the error, where it is N."""
 
     @property
     def closed_numerator(self) -> Array:

@@ -24,20 +24,16 @@ _BANDWIDTH_DROP_DB: Final = 3.0
 
 @dataclass(frozen=True)
 class Margins:
-    """Distances of a loop from the stability limit; each (n_loop,).
-
-    Args:
-        gain_db: Gain margin: the factor on the loop gain that reaches the stability limit [dB].
-            Positive: the gain may rise by it.  Negative: the limit is at a lower gain; the gain of
-            an unstable loop has to fall by it.  Of several limits the nearest counts.  Infinite if
-            no gain reaches the limit.
-        phase_deg: Phase margin: the lag that reaches the stability limit, the smallest in magnitude
-            over all gain crossover frequencies, from -180 to 180 [deg].  Negative for an unstable
-            loop.  Infinite if the loop gain is below 1 at all frequencies.
-    """
+    """Distances of a loop from the stability limit; each (n_loop,)."""
 
     gain_db: Array
+    """Gain margin: the factor on the loop gain that reaches the stability limit [dB]. Positive: the
+    gain may rise by it.  Negative: the limit is at a lower gain; the gain of an unstable loop has
+    to fall by it.  Of several limits the nearest counts.  Infinite if no gain reaches the limit."""
     phase_deg: Array
+    """Phase margin: the lag that reaches the stability limit, the smallest in magnitude over all
+    gain crossover frequencies, from -180 to 180 [deg].  Negative for an unstable loop.  Infinite if
+    the loop gain is below 1 at all frequencies."""
 
 
 def stability_margins(loop: Loop) -> Margins:

@@ -49,25 +49,22 @@ _QUANTILES: Final = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """Metrics of responses to a reference step of 1 rad/s; each (n_loop,), NaN if undefined.
-
-    Args:
-        rise_time: Time from the first crossing of 10 % to the first of 90 % of the final value [s].
-        settling_time: Last entry into the 2 % band around the final value [s].
-        peak: Largest value, in the direction of the final value; without overshoot the final value
-            itself [rad/s].
-        peak_time: Time of the peak; NaN without overshoot [s].
-        overshoot: Excess of the peak over the final value; 0 if it does not exceed rounding or the
-            accuracy of the simulation [%].
-        steady_state: Final value [rad/s].
-    """
+    """Metrics of responses to a reference step of 1 rad/s; each (n_loop,), NaN if undefined."""
 
     rise_time: Array
+    """Time from the first crossing of 10 % to the first of 90 % of the final value [s]."""
     settling_time: Array
+    """Last entry into the 2 % band around the final value [s]."""
     peak: Array
+    """Largest value, in the direction of the final value; without overshoot the final value itself
+    [rad/s]."""
     peak_time: Array
+    """Time of the peak; NaN without overshoot [s]."""
     overshoot: Array
+    """Excess of the peak over the final value; 0 if it does not exceed rounding or the accuracy of
+    the simulation [%]."""
     steady_state: Array
+    """Final value [rad/s]."""
 
 
 def quantities(step: StepMetrics, margins: Iterable[Array], rows: slice) -> dict[str, Any]:

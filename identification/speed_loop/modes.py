@@ -44,18 +44,15 @@ _SMALLEST_GAP: Final = 1e-150
 
 @dataclass(frozen=True)
 class Modes:
-    """Inverse Laplace transforms of N(s) / ((s - p_1) ... (s - p_n)).
-
-    Args:
-        poles: (n_loop, n_pole) [1/s].
-        weights: Coefficients a_1 to a_n of Newton's form, (n_loop, n_pole).
-        residues: Weights c_1 to c_n of the partial fractions, (n_loop, n_pole); not finite for
-            coincident poles.
-    """
+    """Inverse Laplace transforms of N(s) / ((s - p_1) ... (s - p_n))."""
 
     poles: Complex
+    """(n_loop, n_pole) [1/s]."""
     weights: Complex
+    """Coefficients a_1 to a_n of Newton's form, (n_loop, n_pole)."""
     residues: Complex
+    """Weights c_1 to c_n of the partial fractions, (n_loop, n_pole); not finite for coincident
+    poles."""
 
     @classmethod
     def of(cls, numerator: Array, poles: Complex) -> Modes:

@@ -50,27 +50,24 @@ _LEAST_ELECTRICAL_SHARE: Final = 1e-6
 
 @dataclass(frozen=True)
 class SimulatedLoop:
-    """Simulated step responses of one controller at one temperature.
-
-    Args:
-        controller: The controller as the user wrote it.
-        temperature_degC: Temperature of winding and magnet [degC].
-        step: Size of the step of the reference [rad/s].
-        effects: Names of the effects in the loop.
-        time: (n_time,) from 0 [s].
-        speed: (n_time, n_draw) divided by the step [-].
-        metrics: Metrics of the responses.
-        settled: (n_draw,) whether the speed settled at its final value.
-    """
+    """Simulated step responses of one controller at one temperature."""
 
     controller: str
+    """The controller as the user wrote it."""
     temperature_degC: float  # noqa: N815
+    """Temperature of winding and magnet [degC]."""
     step: float
+    """Size of the step of the reference [rad/s]."""
     effects: tuple[str, ...]
+    """Names of the effects in the loop."""
     time: Array
+    """(n_time,) from 0 [s]."""
     speed: Array
+    """(n_time, n_draw) divided by the step [-]."""
     metrics: StepMetrics
+    """Metrics of the responses."""
     settled: NDArray[np.bool_]
+    """(n_draw,) whether the speed settled at its final value."""
 
 
 def simulated_loops(

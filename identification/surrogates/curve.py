@@ -46,34 +46,32 @@ class AbstractCurve(AbstractForced):
     h_k the spline coefficients, r the regressors of the nominal parameters (current, speed and, for
     l only, voltage, each over its scale), and a_k the part of a basis function that is collinear
     with r.
-
-    Args:
-        along: Name of the signal.
-        carrier: Empty, ``direction`` of the motion, ``speed`` or ``current``.
-        size: Scale of the term [N m] or [V].
-        lower: Lower end of the knots in z.
-        upper: Upper end of the knots in z.
-        zero: Width of the linear range of the compression, in the unit of the signal.
-        speed: Speed scale [rad/s].
-        current: Current scale [A].
-        starts: Start time of each run and end time of the last run, on a clock that adds up the
-            durations of the runs [s].  A local curve is zero in later runs.
-        imitated: For each basis function the coefficients a_k of current and speed [-].
-        linear: Prior standard deviations of l for current, speed and voltage; a part is absent if
-            its entry is zero or the tuple is empty [N m] or [V].
     """
 
     along: str
+    """Name of the signal."""
     carrier: str
+    """Empty, ``direction`` of the motion, ``speed`` or ``current``."""
     size: float
+    """Scale of the term [N m] or [V]."""
     lower: float
+    """Lower end of the knots in z."""
     upper: float
+    """Upper end of the knots in z."""
     zero: float
+    """Width of the linear range of the compression, in the unit of the signal."""
     speed: float
+    """Speed scale [rad/s]."""
     current: float
+    """Current scale [A]."""
     starts: tuple[float, ...] = ()
+    """Start time of each run and end time of the last run, on a clock that adds up the durations of
+    the runs [s].  A local curve is zero in later runs."""
     imitated: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * HEIGHTS
+    """For each basis function the coefficients a_k of current and speed [-]."""
     linear: tuple[float, ...] = ()
+    """Prior standard deviations of l for current, speed and voltage; a part is absent if its entry
+    is zero or the tuple is empty [N m] or [V]."""
 
     name = "unlisted"
     unit: ClassVar[str]

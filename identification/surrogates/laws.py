@@ -58,18 +58,16 @@ _CONTACTS: Final = 7
 class AngularFriction(AbstractForced, AbstractTorque):
     """Dry friction whose level is periodic in the shaft angle phi.
 
-        tau = -sign(w) (a_0 + sum_k a_k sin(k phi) + b_k cos(k phi))         [N m]
-
-    Args:
-        torque_size: Torque scale [N m].
-        turning: Speed scale [rad/s].
-        free: Whether the amplitudes are per-record states; if not, they are parameters, as the
-            score test requires.
+    tau = -sign(w) (a_0 + sum_k a_k sin(k phi) + b_k cos(k phi))         [N m]
     """
 
     torque_size: float
+    """Torque scale [N m]."""
     turning: float
+    """Speed scale [rad/s]."""
     free: bool = True
+    """Whether the amplitudes are per-record states; if not, they are parameters, as the score test
+    requires."""
 
     name = "unlisted"
     variant = "Coulomb friction periodic in the shaft angle"
@@ -129,19 +127,17 @@ class AngularFriction(AbstractForced, AbstractTorque):
 class DahlFriction(AbstractEffect, AbstractTorque):
     """Dahl friction: a torque that follows the direction of the motion over a distance d.
 
-        tau = -T z,   dz/dt = (w - |w| z) / d                               [N m]
-
-    Args:
-        torque_size: Torque scale [N m].
-        speed_size: Speed scale [rad/s].
-        nearest: Shortest distance that the sampling resolves [rad].
-        farthest: Longest distance that a record resolves [rad].
+    tau = -T z,   dz/dt = (w - |w| z) / d                               [N m]
     """
 
     torque_size: float
+    """Torque scale [N m]."""
     speed_size: float
+    """Speed scale [rad/s]."""
     nearest: float
+    """Shortest distance that the sampling resolves [rad]."""
     farthest: float
+    """Longest distance that a record resolves [rad]."""
 
     name = "unlisted"
     variant = "Dahl friction"
@@ -196,18 +192,16 @@ class Backlash(AbstractSecondInertia):
 
     d is the dead zone: the twist theta beyond the play, with rounded corners.  Its slope d'
     restricts the damping to contact.
-
-    Args:
-        slowest: Lowest natural frequency in contact [rad/s].
-        fastest: Highest resonance that the sampling resolves [rad/s].
-        narrowest: Smallest play that is distinguishable from none [rad].
-        widest: Largest play that is crossed within a record [rad].
     """
 
     slowest: float
+    """Lowest natural frequency in contact [rad/s]."""
     fastest: float
+    """Highest resonance that the sampling resolves [rad/s]."""
     narrowest: float
+    """Smallest play that is distinguishable from none [rad]."""
     widest: float
+    """Largest play that is crossed within a record [rad]."""
 
     name = "unlisted"
     variant = "backlash"
@@ -265,14 +259,12 @@ class SupplySag(AbstractEffect, AbstractVoltage):
     The supply voltage falls by R d i, and the motor's voltage by R d^2 i.  At full duty this is a
     resistance in series with the armature; at low duty it vanishes.  Runs at several voltages
     therefore separate R_s from Ra.  V is not logged: R_s is the equivalent resistance at v_0.
-
-    Args:
-        voltage_size: Voltage scale v_0 [V].
-        resistance_size: Resistance scale, that of the armature [ohm].
     """
 
     voltage_size: float
+    """Voltage scale v_0 [V]."""
     resistance_size: float
+    """Resistance scale, that of the armature [ohm]."""
 
     name = "unlisted"
     variant = "voltage sag of the supply of a chopper"

@@ -34,22 +34,20 @@ _HARMONICS: Final = 3
 class _Ripple(AbstractForced):
     """Fourier series in time with a linearly drifting frequency, amplitudes free in each record.
 
-        term = sum_k a_k sin(2 pi k u) + b_k cos(2 pi k u),   u = f t + d t^2 / (2 T)
-
-    Args:
-        size: Scale of the term [N m] or [V].
-        lowest: Lowest frequency, with one period in the longest record [Hz].
-        highest: Highest frequency that the sampling resolves [Hz].
-        duration: Duration T of the longest record [s].
-        free: Whether the amplitudes are per-record states; if not, they are parameters, as the
-            score test requires.
+    term = sum_k a_k sin(2 pi k u) + b_k cos(2 pi k u),   u = f t + d t^2 / (2 T)
     """
 
     size: float
+    """Scale of the term [N m] or [V]."""
     lowest: float
+    """Lowest frequency, with one period in the longest record [Hz]."""
     highest: float
+    """Highest frequency that the sampling resolves [Hz]."""
     duration: float
+    """Duration T of the longest record [s]."""
     free: bool = True
+    """Whether the amplitudes are per-record states; if not, they are parameters, as the score test
+    requires."""
 
     name = "unlisted"
     drivers = ("time",)

@@ -56,23 +56,20 @@ _MOST_STEPS: Final = 10_000
 
 @dataclass(frozen=True)
 class Response:
-    """Simulated responses at one temperature.
-
-    Args:
-        time: (n_time,) uniform, from 0 [s].
-        speed: (n_time, n_lane) [rad/s].
-        acceleration: (n_time, n_lane) [rad/s^2].
-        current: (n_time, n_lane) [A].
-        voltage: (n_time, n_lane) at the motor [V].
-        limited: (n_time, n_lane) 1 where voltage or current is at its limit [-].
-    """
+    """Simulated responses at one temperature."""
 
     time: Array
+    """(n_time,) uniform, from 0 [s]."""
     speed: Array
+    """(n_time, n_lane) [rad/s]."""
     acceleration: Array
+    """(n_time, n_lane) [rad/s^2]."""
     current: Array
+    """(n_time, n_lane) [A]."""
     voltage: Array
+    """(n_time, n_lane) at the motor [V]."""
     limited: Array
+    """(n_time, n_lane) 1 where voltage or current is at its limit [-]."""
 
 
 class Drive:

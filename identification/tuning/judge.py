@@ -34,21 +34,18 @@ _LAST: Final = 0.1
 
 @dataclass(frozen=True)
 class Judgement:
-    """Metrics of controllers.
-
-    Args:
-        metrics: For each name of `METRICS` (n_controller, n_temperature, n_draw).
-        slack: For each required metric its distance from the limit, of the same shape [-].
-        limited: Whether voltage or current reach their limit, of the same shape.
-        peak_current: Largest current, of the same shape [A].
-        peak_voltage: Largest voltage at the motor, of the same shape [V].
-    """
+    """Metrics of controllers."""
 
     metrics: dict[str, Array]
+    """For each name of `METRICS` (n_controller, n_temperature, n_draw)."""
     slack: dict[str, Array]
+    """For each required metric its distance from the limit, of the same shape [-]."""
     limited: NDArray[np.bool_]
+    """Whether voltage or current reach their limit, of the same shape."""
     peak_current: Array
+    """Largest current, of the same shape [A]."""
     peak_voltage: Array
+    """Largest voltage at the motor, of the same shape [V]."""
 
     @property
     def of_draws(self) -> Array:

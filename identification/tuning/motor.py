@@ -23,19 +23,16 @@ __all__ = ["UncertainMotor", "motor_of"]
 
 @dataclass(frozen=True)
 class UncertainMotor:
-    """Motor whose parameters are known by draws.
-
-    Args:
-        model: Nominal model with the effects that act in a closed loop.
-        values: (n_parameter, n_draw) physical, in the order of `model.parameters`.
-        omitted: Names of the effects of the result that do not act in the loop.
-        peak: Highest temperature that the motor has had [degC].
-    """
+    """Motor whose parameters are known by draws."""
 
     model: MotorModel
+    """Nominal model with the effects that act in a closed loop."""
     values: Array
+    """(n_parameter, n_draw) physical, in the order of `model.parameters`."""
     omitted: tuple[str, ...] = ()
+    """Names of the effects of the result that do not act in the loop."""
     peak: float = REFERENCE_TEMPERATURE_DEGC
+    """Highest temperature that the motor has had [degC]."""
 
     @property
     def count(self) -> int:

@@ -31,17 +31,14 @@ _MOST_DELAY: Final = 20.0
 
 @dataclass(frozen=True)
 class Metric:
-    """Required metric.
-
-    Args:
-        unit: Its unit.
-        is_upper: Whether the requirement is an upper limit.
-        is_margin: Whether it is a margin of the linear loop; others come from the simulation.
-    """
+    """Required metric."""
 
     unit: str
+    """Its unit."""
     is_upper: bool
+    """Whether the requirement is an upper limit."""
     is_margin: bool = False
+    """Whether it is a margin of the linear loop; others come from the simulation."""
 
     def slack(self, values: Array, limit: float) -> Array:
         """Distance of values from the limit, relative to it; negative if it is not met [-].
@@ -69,32 +66,30 @@ METRICS: Final = {
 class Specification:
     """Requirements and drive of a speed loop; a requirement that is None is not made.
 
-    Args:
-        rise_time: Longest rise time from 10 % to 90 % [s].
-        settling_time: Longest time until the speed stays within 2 % [s].
-        overshoot: Largest overshoot [%].
-        steady_error: Largest deviation of the final speed from the reference [%].
-        gain_margin: Smallest gain margin [dB].
-        phase_margin: Smallest phase margin [deg].
-        voltage: Largest voltage of the drive [V].
-        current: Largest current of the drive [A].
-        sample_time: Sample time of the controller [s].
-        delay: Time between sampling the speed and applying the voltage [s].
-
     Raises:
         OptionError: Values are not accepted; the message names all of them.
     """
 
     rise_time: float | None = None
+    """Longest rise time from 10 % to 90 % [s]."""
     settling_time: float | None = None
+    """Longest time until the speed stays within 2 % [s]."""
     overshoot: float | None = None
+    """Largest overshoot [%]."""
     steady_error: float | None = None
+    """Largest deviation of the final speed from the reference [%]."""
     gain_margin: float | None = None
+    """Smallest gain margin [dB]."""
     phase_margin: float | None = None
+    """Smallest phase margin [deg]."""
     voltage: float = math.inf
+    """Largest voltage of the drive [V]."""
     current: float = math.inf
+    """Largest current of the drive [A]."""
     sample_time: float = 1e-3
+    """Sample time of the controller [s]."""
     delay: float = 0.0
+    """Time between sampling the speed and applying the voltage [s]."""
 
     def __post_init__(self) -> None:
         wrong = [

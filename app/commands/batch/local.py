@@ -23,17 +23,14 @@ _PIPELINE = "identification.pipeline:identify"
 
 @dataclass(frozen=True)
 class MotorJob:
-    """A motor to be fitted.
-
-    Args:
-        motor: Entry of the manifest.
-        record: Inputs that determine the result.
-        out: Output directory of the motor.
-    """
+    """A motor to be fitted."""
 
     motor: Motor
+    """Entry of the manifest."""
     record: dict[str, Any]
+    """Inputs that determine the result."""
     out: Path
+    """Output directory of the motor."""
 
 
 def fit_all(

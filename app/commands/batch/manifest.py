@@ -49,25 +49,22 @@ _LARGEST_BYTES: Final = 20_000_000
 
 @dataclass(frozen=True)
 class Motor:
-    """One motor of a manifest.
-
-    Args:
-        name: Name of the motor and of its output directory.
-        training: Training run files, in the order of recording.
-        validation: Validation run files.
-        options: Options of the fit.
-        mapping: JSON file that assigns columns to channels, or None.
-        bench: Name of the test bench; empty if unknown.
-        type: Type of the motor; empty if the manifest gives none.
-    """
+    """One motor of a manifest."""
 
     name: str
+    """Name of the motor and of its output directory."""
     training: tuple[Path, ...]
+    """Training run files, in the order of recording."""
     validation: tuple[Path, ...]
+    """Validation run files."""
     options: FitOptions
+    """Options of the fit."""
     mapping: Path | None = None
+    """JSON file that assigns columns to channels, or None."""
     bench: str = ""
+    """Name of the test bench; empty if unknown."""
     type: str = ""
+    """Type of the motor; empty if the manifest gives none."""
 
     @property
     def label(self) -> Label:

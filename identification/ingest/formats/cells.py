@@ -23,17 +23,14 @@ _EXACT_INTEGERS = 2**53
 
 @dataclass(frozen=True)
 class ColumnTable:
-    """Table whose columns are loaded one by one.
-
-    Args:
-        columns: Columns from left to right.
-        load: Function from a column to its cells, (n_sample,) of any numeric type.
-        warnings: Warnings about the file as a whole.
-    """
+    """Table whose columns are loaded one by one."""
 
     columns: Sequence[Column]
+    """Columns from left to right."""
     load: Callable[[Column], ArrayLike]
+    """Function from a column to its cells, (n_sample,) of any numeric type."""
     warnings: tuple[RunWarning, ...] = ()
+    """Warnings about the file as a whole."""
 
     def read(self, channels: Sequence[Channel]) -> Samples:
         """Load the columns of the channels; samples are counted from 1 in messages."""

@@ -51,34 +51,28 @@ class Clock:
 
 @dataclass(frozen=True)
 class Signal:
-    """One logged signal.
-
-    Args:
-        names: Its names; the first is its title.
-        unit: Its unit as the file gives it; empty if there is none.
-        clock: Its sample times.
-        load: Function that returns its samples, (n_sample,).
-    """
+    """One logged signal."""
 
     names: tuple[str, ...]
+    """Its names; the first is its title."""
     unit: str
+    """Its unit as the file gives it; empty if there is none."""
     clock: Clock
+    """Its sample times."""
     load: Callable[[], ArrayLike]
+    """Function that returns its samples, (n_sample,)."""
 
 
 @dataclass(frozen=True)
 class SignalTable:
-    """Source table of signals, whose first column is the common time.
-
-    Args:
-        signals: The signals.
-        file: Name of the file in messages.
-        warnings: Warnings about the file as a whole.
-    """
+    """Source table of signals, whose first column is the common time."""
 
     signals: Sequence[Signal]
+    """The signals."""
     file: str
+    """Name of the file in messages."""
     warnings: tuple[RunWarning, ...] = ()
+    """Warnings about the file as a whole."""
     columns: Sequence[Column] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -115,15 +115,12 @@ def _is_waveform(channel: TdmsChannel) -> bool:
 
 @dataclass(frozen=True)
 class _Group:
-    """Channels with numbers of one group.
-
-    Args:
-        channels: The channels.
-        origin: Date of the time 0 of waveforms, or None.
-    """
+    """Channels with numbers of one group."""
 
     channels: Sequence[TdmsChannel]
+    """The channels."""
     origin: np.datetime64 | None
+    """Date of the time 0 of waveforms, or None."""
 
     @cached_property
     def columns(self) -> list[Column]:

@@ -32,17 +32,14 @@ _DEEPEST = 20
 
 @dataclass(frozen=True)
 class Leaf:
-    """Numeric array.
-
-    Args:
-        shape: Its shape.
-        load: Function that returns its cells.
-        unit: Unit from its attributes; empty if there is none.
-    """
+    """Numeric array."""
 
     shape: tuple[int, ...]
+    """Its shape."""
     load: Callable[[], ArrayLike]
+    """Function that returns its cells."""
     unit: str = ""
+    """Unit from its attributes; empty if there is none."""
 
     @property
     def length(self) -> int:

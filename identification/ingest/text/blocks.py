@@ -19,17 +19,14 @@ __all__ = ["Block", "read_blocks"]
 
 @dataclass(frozen=True)
 class Block:
-    """Consecutive whole lines of a file.
-
-    Args:
-        text: Bytes of the lines, with line feeds as line ends.
-        first_line: Line number, counted from 1, of the first line in `text`.
-        terminated: False for the last block of a file whose last line has no line end.
-    """
+    """Consecutive whole lines of a file."""
 
     text: bytes
+    """Bytes of the lines, with line feeds as line ends."""
     first_line: int
+    """Line number, counted from 1, of the first line in `text`."""
     terminated: bool = True
+    """False for the last block of a file whose last line has no line end."""
 
     def from_line(self, line: int) -> Block:
         """Remainder of the block, beginning at a line number of the file."""

@@ -38,25 +38,22 @@ _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of the table in one file.
-
-    Args:
-        delimiter: One character; a space stands for one or more blanks and tabs.
-        fields: Number of cells of each sample line, including an empty last one.
-        header: Header rows from top to bottom, each with `fields` cells.
-        header_line: Line number of the first header row.
-        first_line: Line number of the first sample.
-        preamble: Lines of a device above the header.
-        sample: Cells of the first sample.
-    """
+    """Layout of the table in one file."""
 
     delimiter: str
+    """One character; a space stands for one or more blanks and tabs."""
     fields: int
+    """Number of cells of each sample line, including an empty last one."""
     header: tuple[tuple[str, ...], ...]
+    """Header rows from top to bottom, each with `fields` cells."""
     header_line: int
+    """Line number of the first header row."""
     first_line: int
+    """Line number of the first sample."""
     preamble: Preamble = Preamble()
+    """Lines of a device above the header."""
     sample: tuple[str, ...] = ()
+    """Cells of the first sample."""
 
 
 def detect_layout(block: Block, limits: Limits) -> Layout:

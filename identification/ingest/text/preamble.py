@@ -36,13 +36,10 @@ _LABVIEW_TIME = "x_value"
 
 @dataclass(frozen=True)
 class Preamble:
-    """Cells of the lines with known keys; the last line of a key counts.
-
-    Args:
-        lines: Key to the cells of its line, the key included.
-    """
+    """Cells of the lines with known keys; the last line of a key counts."""
 
     lines: dict[str, list[str]] = field(default_factory=dict)
+    """Key to the cells of its line, the key included."""
 
     def columns(self, columns: Sequence[Column]) -> list[Column]:
         """Columns of the table with the names and units of the preamble added.

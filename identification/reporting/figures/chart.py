@@ -28,38 +28,32 @@ Mark = Literal["line", "thin", "dashed", "dots", "few", "stems", "bars"]
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One series of a chart.
-
-    Args:
-        label: Text in the key; a series without a label has no key.
-        kind: Colour, by its name in the style sheet.
-        x: (n_point,) increasing.
-        y: (n_point,) values; not finite where the line breaks.
-        mark: How the points are drawn; ``bars`` have a scale of their own at the bottom.
-    """
+    """One series of a chart."""
 
     label: str
+    """Text in the key; a series without a label has no key."""
     kind: str
+    """Colour, by its name in the style sheet."""
     x: ArrayLike
+    """(n_point,) increasing."""
     y: ArrayLike
+    """(n_point,) values; not finite where the line breaks."""
     mark: Mark = "line"
+    """How the points are drawn; ``bars`` have a scale of their own at the bottom."""
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Area between two curves.
-
-    Args:
-        kind: Colour, by its name in the style sheet.
-        x: (n_point,) increasing.
-        low: (n_point,) lower end.
-        high: (n_point,) upper end.
-    """
+    """Area between two curves."""
 
     kind: str
+    """Colour, by its name in the style sheet."""
     x: ArrayLike
+    """(n_point,) increasing."""
     low: ArrayLike
+    """(n_point,) lower end."""
     high: ArrayLike
+    """(n_point,) upper end."""
 
 
 def chart(
