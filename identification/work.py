@@ -75,11 +75,7 @@ def was_interrupted() -> bool:
 
 
 def charge(count: float) -> None:
-    """Charge operations to the meter.
-
-    Args:
-        count: Number of floating-point operations.
-    """
+    """Charge floating-point operations to the meter."""
     _meter.get(_outside).operations += count
 
 
@@ -123,9 +119,5 @@ class Budget:
         return self.left < 0.0 or was_interrupted()
 
     def longer(self, count: float) -> Budget:
-        """New budget from now on, with `count` more operations left than this one.
-
-        Args:
-            count: Additional operations.
-        """
+        """New budget from now on, with `count` more operations left than this one."""
         return Budget(self.left + count)

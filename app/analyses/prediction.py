@@ -102,10 +102,6 @@ class Predictor:
     def design(self, request: DesignRequest, result: Mapping[str, Any] | None) -> Design:
         """Design a run.
 
-        Args:
-            request: Options of the design.
-            result: Content of result.json; None for a motor with a nameplate only.
-
         Raises:
             RunRefused: The design exceeds the limits, or result or request do not allow it.
             Unavailable: No run can be designed now.

@@ -94,12 +94,6 @@ class AnalysisService:
     ) -> tuple[Mapping[str, Any], tuple[str, ...]]:
         """Controllers that meet a specification, as ``motorid tune`` finds them.
 
-        Args:
-            caller: Caller of the request.
-            fit_id: ID of a succeeded fit.
-            request: Specification, controllers and temperatures.
-            draws: Largest number of posterior draws.
-
         Returns:
             Content of the file of ``motorid tune``, and limits of the numbers in words.
 
@@ -185,12 +179,6 @@ class AnalysisService:
     ) -> tuple[RunRow, Prediction]:
         """Simulate a stored run with the model of a fit, and compare it with the measurement.
 
-        Args:
-            caller: Caller of the request.
-            fit_id: ID of a succeeded fit.
-            run_id: ID of a run.
-            declared: Whether to use the nominal model instead of the final one.
-
         Raises:
             NotFound: The caller's workspace has no such fit or run.
             NotReady: The fit has not succeeded.
@@ -241,11 +229,6 @@ class AnalysisService:
     def design(self, caller: Caller, fit_id: str | None, request: DesignRequest) -> Design:
         """Design the next run of the motor of a fit, or the first run of a nameplate.
 
-        Args:
-            caller: Caller of the request.
-            fit_id: ID of a succeeded fit; None for the nameplate of the request.
-            request: Options of the design.
-
         Raises:
             NotFound: The caller's workspace has no such fit.
             NotReady: The fit has not succeeded.
@@ -275,13 +258,7 @@ class AnalysisService:
     def history(
         self, caller: Caller, motor: str, *, limit: int
     ) -> tuple[list[StoredFit], list[Refit]]:
-        """Newest fits of a motor, and the compared parts of the succeeded ones, newest first.
-
-        Args:
-            caller: Caller of the request.
-            motor: Name of the motor.
-            limit: Largest number of fits.
-        """
+        """Newest fits of a motor, and the compared parts of the succeeded ones, newest first."""
         fits, _ = self._fits.page(caller, after=None, limit=limit, status=None, motor=motor)
         rows = [fit.row for fit in fits if fit.row.status == "succeeded"]
         return fits, refits_of(self._storage, rows, {})

@@ -35,12 +35,7 @@ class LoopForm:
 
     @classmethod
     def of(cls, given: Mapping[str, str], result: Mapping[str, Any]) -> Self:
-        """Build the form from the query of an address; a missing field has the value of the fit.
-
-        Args:
-            given: Query of the address.
-            result: Content of result.json.
-        """
+        """Build the form from the query of an address; a missing field has the value of the fit."""
         feedback = result.get("feedback") or ()
         controller = str(feedback[0]["controller"]) if feedback else _DEFAULT
         kind, _, gains = controller.partition(":")

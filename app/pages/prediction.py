@@ -20,12 +20,7 @@ _WIDE: Final = 920.0
 
 
 def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
-    """Figure and table of a prediction.
-
-    Args:
-        name: Name of the run.
-        prediction: The prediction.
-    """
+    """Figure and table of a prediction."""
     from identification.reporting.figures.drawn import drawn_chart
     from identification.reporting.figures.prediction import prediction_figure
     from identification.result.attempts import figure

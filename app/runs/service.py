@@ -77,9 +77,6 @@ class RunService:
     def preview(self, upload: Upload) -> dict[str, Any]:
         """Examine an upload without storing it, as `motorid check` does.
 
-        Args:
-            upload: Received form.
-
         Raises:
             RunRefused: Examining the file exceeds the limits.
             FieldRefused: The mapping is invalid.

@@ -89,9 +89,6 @@ class DesignModel:
 def models_of(result: Mapping[str, Any]) -> list[DesignModel]:
     """Final model of a result and the alternatives of its effects.
 
-    Args:
-        result: Content of a result.json.
-
     Raises:
         InputError: The result has no member ``models``, or one that does not fit its terms.
     """

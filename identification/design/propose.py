@@ -166,9 +166,6 @@ class Designer:
 def propose(task: Task) -> Proposal:
     """Design the next run.
 
-    Args:
-        task: Models, limits and grid of the run.
-
     Raises:
         ComputationError: No candidate can be simulated within the limits.
     """

@@ -106,10 +106,6 @@ class Task:
 def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
     """Task from a result: separate the alternatives of its effects and narrow its parameters.
 
-    Args:
-        result: Content of a result.json.
-        options: Options of the user.
-
     Raises:
         InputError: The result lacks its models, noise or runs.
         OptionError: An option is not accepted.

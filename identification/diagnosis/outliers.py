@@ -99,11 +99,7 @@ def noise_without_outlying_runs(simulated: Sequence[Simulated], noise: Array) ->
 
 
 def root_mean_square(simulated: Sequence[Simulated]) -> Array:
-    """(2,) RMS error of current and speed over all records [A, rad/s].
-
-    Args:
-        simulated: Records with their simulation.
-    """
+    """(2,) RMS error of current and speed over all records [A, rad/s]."""
     weight = np.sum([s.record.weight.sum(axis=0) for s in simulated], axis=0)
     square = np.sum([np.sum(s.record.weight * s.residual**2, axis=0) for s in simulated], axis=0)
     return np.asarray(np.sqrt(square / np.maximum(weight, 1.0)))
@@ -126,11 +122,7 @@ def _errors(simulated: Sequence[Simulated], channel: int) -> Array:
 
 
 def outlier_warnings(simulated: Sequence[Simulated]) -> list[ResultWarning]:
-    """Warnings for channels in which isolated outliers cause more than half of the squared error.
-
-    Args:
-        simulated: Training records with their simulation.
-    """
+    """Warnings for channels in which outliers cause more than half of the squared error."""
     warnings = []
     for channel, (column, unit) in enumerate(_CHANNELS):
         pieces = [

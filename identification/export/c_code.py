@@ -32,12 +32,7 @@ _ENOUGH: Final = 1e-6
 
 
 def c_code(motor: Exported, header: list[str]) -> str:
-    """Text of the C file.
-
-    Args:
-        motor: The model.
-        header: Lines of the comment at the top.
-    """
+    """Text of the C file."""
     step = motor.step
     x, u, p = (ca.SX.sym(name, step.size1_in(k)) for k, name in enumerate("xup"))
     following, readings = step(x, u, p)

@@ -139,9 +139,6 @@ class Exported:
 def exported_model(result: Mapping[str, Any]) -> Exported:
     """The final model of a result, prepared for export.
 
-    Args:
-        result: Content of a result.json.
-
     Raises:
         InputError: A parameter or effect is missing or unknown.
     """

@@ -20,11 +20,7 @@ _GROUPS: Final = ("feedback", "feedback_nonlinear")
 
 
 def csv_table(result: Mapping[str, Any]) -> str:
-    """Table with one row per parameter and per metric; unknown numbers are empty cells.
-
-    Args:
-        result: Content of a result.json.
-    """
+    """Table with one row per parameter and per metric; unknown numbers are empty cells."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()

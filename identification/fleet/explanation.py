@@ -98,11 +98,7 @@ class Explanation:
 
 
 def explanations(refits: Sequence[Refit]) -> list[Explanation | None]:
-    """Explanations of all motors, with p-values adjusted over the table; None without a refit.
-
-    Args:
-        refits: All motors of a table.
-    """
+    """Explanations of all motors, with p-values adjusted over the table; None without a refit."""
     found = [None if r.previous is None else _explain(r, r.previous) for r in refits]
     p_values = [one.probability for one in found if one and one.probability is not None]
     remaining = iter(adjusted(p_values))

@@ -106,9 +106,6 @@ def fleet_figure(name: str, marks: Sequence[Mark], spread: Spread) -> str:
         name: Name of the parameter.
         marks: Motors in order, at least one.
         spread: Distribution of the parameter over the fleet.
-
-    Returns:
-        SVG text.
     """
     unit = DECLARED_PARAMETERS[name].unit
     has_changes = any(mark.drift for mark in marks)

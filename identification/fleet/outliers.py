@@ -59,12 +59,7 @@ class Spread:
 
 
 def spread_of(name: str, refits: Sequence[Refit]) -> Spread:
-    """Median and robust scale of a parameter over the fleet, and the score of each motor.
-
-    Args:
-        name: Name of the parameter.
-        refits: The fleet.
-    """
+    """Median and robust scale of a parameter over the fleet, and the score of each motor."""
     known = [one.usable if (one := refit.estimates.get(name)) else None for refit in refits]
     medians = [pair[0] for pair in known if pair is not None]
     if not medians:

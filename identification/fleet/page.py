@@ -58,9 +58,6 @@ def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
         title: Name of the batch.
         refits: All motors of the table.
         back: Address of the page that led here; empty for a file.
-
-    Returns:
-        HTML text, UTF-8 when written.
     """
     changes = drifts(refits)
     spreads = {name: spread_of(name, refits) for name in DECLARED_PARAMETERS}

@@ -64,11 +64,7 @@ class Pool:
 
 
 def pools_of(refits: Sequence[Refit]) -> list[Pool]:
-    """Pooled quantities of all types that have enough motors.
-
-    Args:
-        refits: The fleet.
-    """
+    """Pooled quantities of all types that have enough motors."""
     pools = []
     for kind in dict.fromkeys(refit.type for refit in refits):
         motors = {n: r for n, r in enumerate(refits) if r.type == kind and r.estimates}

@@ -198,11 +198,7 @@ def compared_with(refit: Refit, previous: Refit | None) -> Refit:
 
 
 def estimate_of(entry: Mapping[str, Any]) -> Estimate:
-    """Extract the summary of one parameter from its entry in a result; absent members are unknown.
-
-    Args:
-        entry: PARAMETER of result.json.
-    """
+    """Summary of one parameter from its PARAMETER in a result; absent members are unknown."""
     return Estimate(
         median=entry.get("median"),
         sd=entry.get("sd"),

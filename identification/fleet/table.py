@@ -147,11 +147,7 @@ def rows_of(refits: Sequence[Refit]) -> list[Row]:
 
 
 def pooled_rows(refits: Sequence[Refit]) -> list[Row]:
-    """Rows with the columns of `POOLED_COLUMNS`: each motor of each pooled quantity.
-
-    Args:
-        refits: All motors of the table.
-    """
+    """Rows with the columns of `POOLED_COLUMNS`: each motor of each pooled quantity."""
     return [
         _pooled_row(pool, number, refits[number].motor)
         for pool in pools_of(refits)

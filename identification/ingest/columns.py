@@ -66,9 +66,6 @@ def read_columns(header: tuple[tuple[str, ...], ...]) -> list[Column]:
 
     Args:
         header: Header rows from top to bottom, all with the same number of cells.
-
-    Returns:
-        Columns from left to right.
     """
     names = [row for at, row in enumerate(header) if at == 0 or not is_units_row(row)]
     units = [row for at, row in enumerate(header) if at > 0 and is_units_row(row)]

@@ -123,11 +123,6 @@ def unpacked(file: RunFile) -> RunFile:
 def open_run_file(path: Path, name: str, limits: Limits) -> Iterator[RunFile]:
     """Open a regular file.
 
-    Args:
-        path: File to read.
-        name: Name of the file in messages.
-        limits: Size limits.
-
     Yields:
         The open file.
 

@@ -107,9 +107,6 @@ def read_mapping(mapping: MappingLike | None, run: str | None = None) -> RunMapp
         mapping: The mapping, the path of a JSON file, or None.
         run: Name of the run file to be read; the entries of other files are validated, too.
 
-    Returns:
-        The mapping of the file.
-
     Raises:
         MappingError: A name, a key or a value is not accepted.
         UnknownUnit: A unit is not in the table.

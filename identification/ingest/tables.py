@@ -23,10 +23,6 @@ Assigned = tuple[SourceTable, dict[str, Channel]]
 def choose_table(opened: SourceTable | TableSet, mapping: RunMapping) -> Assigned:
     """Select the table that holds the run and assign its columns to channels.
 
-    Args:
-        opened: The table of the file, or all of its tables.
-        mapping: Mapping of the file.
-
     Raises:
         AmbiguousTable: Several tables hold a run.
         MappingError: The mapping names a table that the file does not have.
@@ -115,9 +111,6 @@ def _closest(
 
 def closest_table(opened: SourceTable | TableSet) -> SourceTable:
     """The table of a file that looks most like a run.
-
-    Args:
-        opened: The table of the file, or all of its tables.
 
     Raises:
         NoTable: The file has no table.

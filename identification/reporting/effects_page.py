@@ -79,11 +79,7 @@ fast sweep of the voltage (0 to 2 s) and steps (2 to 4 s), while the temperature
 
 
 def effects_page(scales: CampaignScales) -> str:
-    """Markdown text of the page.
-
-    Args:
-        scales: Scales of the signals and parameters of the example.
-    """
+    """Markdown text of the page."""
     ra, _, kt, _, inertia, *_ = EXAMPLE_MOTOR
     head = _HEAD.format(
         Ra25=ra, Kt25=kt, J=inertia, voltage=_number(scales.voltage),

@@ -68,12 +68,7 @@ class Signature:
 
 
 def signature(kind: type[AbstractEffect], scales: CampaignScales) -> Signature:
-    """Simulate an effect at the size of its first candidate.
-
-    Args:
-        kind: Class of the effect.
-        scales: Scales of the example motor.
-    """
+    """Simulate an effect at the size of its first candidate."""
     candidate = kind.candidates(scales)[0]
     if candidate.by_run:
         candidate = candidate.in_runs(0)
@@ -98,12 +93,7 @@ def signature(kind: type[AbstractEffect], scales: CampaignScales) -> Signature:
 
 
 def effect_plot(name: str, shown: Signature) -> str:
-    """SVG text of a plot.
-
-    Args:
-        name: Name of the effect.
-        shown: Its signature.
-    """
+    """SVG text of a plot."""
     marks = ""
     width = _WIDTH * len(shown.curves)
     for number, (label, values) in enumerate(shown.curves.items()):

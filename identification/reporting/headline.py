@@ -250,9 +250,6 @@ def key_figures(result: Entry) -> list[KeyFigure]:
     """Number of identified parameters, and figures of one speed loop cold and hot.
 
     The loop is that of the controller that suits the motor, or of the first one without it.
-
-    Args:
-        result: Content of result.json.
     """
     entries = result["parameters"].values()
     known = sum(1 for entry in entries if entry["identified"] and not known_only_from(entry))

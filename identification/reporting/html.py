@@ -75,9 +75,6 @@ def render_report(data: ReportData) -> str:
 
     Args:
         data: Data to show; missing sections are omitted or reported as missing.
-
-    Returns:
-        HTML text, UTF-8 when written.
     """
     attempts = Attempts(list(data.undrawn))
     data = replace(data, result=finite_or_null(data.result))
@@ -123,11 +120,7 @@ def render_report(data: ReportData) -> str:
 
 @cache
 def content_security_policy() -> str:
-    """Content security policy of a report: only its own scripts and styles, images as data URLs.
-
-    Returns:
-        Value of the header ``Content-Security-Policy``.
-    """
+    """Content security policy of a report: only its own scripts and styles, images as data URLs."""
     scripts = " ".join(_hash(_asset(name)) for name in _SCRIPTS)
     styles = " ".join(_hash(_asset(name)) for name in _STYLES)
     return (

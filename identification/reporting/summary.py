@@ -54,11 +54,7 @@ def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
 
 
 def further_sentences(result: Entry) -> list[str]:
-    """Sentences of the summary on the data, the biases, the given knowledge and the loop.
-
-    Args:
-        result: Content of result.json.
-    """
+    """Sentences of the summary on the data, the biases, the given knowledge and the loop."""
     sentences = [
         _campaign(result["runs"]), _shifted(result), _given(result), loop_sentence(result)
     ]  # fmt: skip

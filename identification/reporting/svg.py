@@ -136,9 +136,6 @@ def svg(width: float, height: float, title: str, description: str, body: str) ->
         title: Title of the figure, read out by a screen reader.
         description: One-sentence description with the key numbers.
         body: SVG marks.
-
-    Returns:
-        SVG text.
     """
     key = f"svg{next(_identifiers)}"
     return (
@@ -201,9 +198,6 @@ def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 
         x_label: Label with unit; if empty, the tick labels are omitted as well.
         y_label: Label with unit; if empty, the tick labels remain.
         about: Approximate number of ticks along x and along y.
-
-    Returns:
-        SVG marks.
     """
     left, top, width, height = frame.box
     bottom = top + height

@@ -31,15 +31,7 @@ def account_of(
     terms: Sequence[MissingTerm] = (),
     traces: Sequence[MissingTrace] = (),
 ) -> SearchAccount | None:
-    """Account of the effect search for the report; None if no search was made.
-
-    Args:
-        outcome: Outcome of the effect search.
-        result: Content of result.json.
-        final: Fit of the final model.
-        terms: Plot data of the missing terms against their drivers.
-        traces: Plot data of the missing terms over time.
-    """
+    """Account of the effect search for the report; None if no search was made."""
     if outcome is None:
         return None
     by_name = {term.name: term for term in effects_of(final.simulator.model.terms)}

@@ -36,13 +36,7 @@ _POINTS: Final = 80
 
 
 def report_data(result: dict[str, Any], findings: Findings, created: str = "") -> ReportData:
-    """Collect the report data; a section that cannot be computed is omitted with a remark.
-
-    Args:
-        result: Content of result.json.
-        findings: Findings of all stages.
-        created: Date of the fit.
-    """
+    """Collect the report data; a section that cannot be computed is omitted with a remark."""
     sample, attempts = findings.sample, Attempts()
     return ReportData(
         result=result,

@@ -99,9 +99,6 @@ def parameter_entry(draws: ArrayLike, unit: str, identified: bool) -> dict[str, 
         draws: (n_draw,) in `unit`.
         unit: Unit as the contract spells it.
         identified: Whether the data identify the parameter.
-
-    Returns:
-        QUANTITY with ``identified``.
     """
     return quantity_entry(draws, unit) | {"identified": bool(identified)}
 

@@ -63,12 +63,7 @@ def prior_entries(
 
 
 def known_only_warnings(fit: Fit, share: float) -> list[ResultWarning]:
-    """Warnings on parameters that only known values identify.
-
-    Args:
-        fit: Fit of the final model.
-        share: Effective sample fraction.
-    """
+    """Warnings on parameters that only known values identify."""
     together, by_runs = identified(fit, share), identified(fit, share, by_runs=True)
     names: dict[str, list[str]] = {}
     for parameter in fit.coordinates.parameters:
@@ -87,12 +82,7 @@ def known_only_warnings(fit: Fit, share: float) -> list[ResultWarning]:
 def contradiction_warnings(
     contradicted: Sequence[Comparison], runs: Sequence[Run]
 ) -> list[ResultWarning]:
-    """Warnings on unused known values, each with the estimate from the runs and a possible cause.
-
-    Args:
-        contradicted: Refused comparisons of `Knowledge.joined_to`.
-        runs: The runs.
-    """
+    """Warnings on unused known values, each with the estimate from the runs and a likely cause."""
     return [_contradiction(one, runs) for one in contradicted]
 
 

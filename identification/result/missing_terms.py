@@ -69,12 +69,7 @@ _LEAST_WEIGHT: Final = 1e-3
 
 
 def missing_terms(final: Fit, found: PathSamples) -> list[MissingTerm]:
-    """Plot data of each effect against its drivers, with its estimate from the data.
-
-    Args:
-        final: Fit of the final model.
-        found: Effects along the simulation of the final model.
-    """
+    """Plot data of each effect against its drivers, with its estimate from the data."""
     plots = []
     for term in effects_of(final.simulator.model.terms):
         if not _is_static(term):

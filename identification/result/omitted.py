@@ -21,12 +21,7 @@ _ONE_TORQUE = ("coulomb_friction", "load_torque")
 
 
 def omitted_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str, Any]]:
-    """Result entry of each omitted term: predicted gain, and parameter changes it could cause.
-
-    Args:
-        final: Fit of the final model.
-        omitted: The terms.
-    """
+    """Result entry of each omitted term: predicted gain, and parameter changes it could cause."""
     return [
         {
             "name": term.name,
@@ -40,12 +35,7 @@ def omitted_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str
 
 
 def confounded_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str, Any]]:
-    """Result entry of each effect that is confounded with a parameter.
-
-    Args:
-        final: Fit of the final model.
-        omitted: Terms that could change its parameters.
-    """
+    """Result entry of each effect that is confounded with a parameter."""
     return [
         {
             "name": term.name,
@@ -138,12 +128,7 @@ def _confounded(final: Fit, term: OmittedTerm) -> ResultWarning:
 
 
 def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
-    """Warning on unexplained structure in the residual, and on its effect on the intervals.
-
-    Args:
-        final: Fit of the final model.
-        omitted: The terms.
-    """
+    """Warning on unexplained structure in the residual, and on its effect on the intervals."""
     # An unknown sensor gain (a term without a predicted gain) is reported where it is detected.
     omitted = [term for term in omitted if term.gain is not None and not term.parameter]
     if not omitted:

@@ -22,10 +22,6 @@ TableName = Literal["parameters", "declared", "effects", "errors", "feedback", "
 def result_table(result: Entry, name: TableName) -> pd.DataFrame:
     """One table of a result; its columns have the names of the members of result.json.
 
-    Args:
-        result: Content of a result.json.
-        name: The table.
-
     Raises:
         OptionError: There is no table of this name.
     """

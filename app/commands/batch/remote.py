@@ -70,13 +70,6 @@ def fit_all_at(
 ) -> Iterator[tuple[MotorJob, str]]:
     """Fit motors on a service; yield each job with its error message, or "" on success.
 
-    Args:
-        service: Client of the service.
-        out: Directory of the batch.
-        name: Display name of the batch on the service.
-        jobs: Motors to fit.
-        tell: Progress callback with motor, stage and completed fraction of the fit.
-
     Raises:
         ClientError: The service does not answer, or refuses a call.
     """

@@ -58,10 +58,6 @@ _EXPORT = "export it as a text table (CSV, UTF-8)"
 def read_blocks(chunks: Iterator[bytes], limits: Limits) -> Iterator[Block]:
     """Split a text into blocks of whole lines.
 
-    Args:
-        chunks: Content of the file.
-        limits: Size limits of the file.
-
     Returns:
         Blocks in file order, at least one.
 

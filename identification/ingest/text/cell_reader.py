@@ -66,10 +66,6 @@ class SampleLines:
 class CellReader:
     """Cell-by-cell line reader, with the state shared by all blocks of a file.
 
-    Args:
-        layout: Layout of the table.
-        channels: Channels to read.
-
     Attributes:
         decimal: Decimal sign of the file, or None until a number has shown it.
         blank_line: Line number of the first row of the last blank rows, or None.

@@ -63,9 +63,6 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
         block: First block of the file.
         limits: Largest number of columns.
 
-    Returns:
-        The layout of the table.
-
     Raises:
         FileTooLarge: The table has more columns than the limit.
         RunFileError: The block holds no samples, no header or no unambiguous decimal sign.

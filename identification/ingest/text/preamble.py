@@ -119,12 +119,7 @@ class Preamble:
 
 
 def read_preamble(lines: Sequence[Line], delimiter: str) -> Preamble:
-    """Collect the lines with known keys.
-
-    Args:
-        lines: Lines above the samples.
-        delimiter: Delimiter of the samples.
-    """
+    """Collect the lines with known keys."""
     found: dict[str, list[str]] = {}
     above: list[str] = []
     for line in lines:

@@ -77,9 +77,6 @@ def chart(
         y_range: Range of the vertical axis; None for that of all values.
         height: Height [px].
 
-    Returns:
-        HTML text.
-
     Raises:
         ValueError: No value is finite.
     """

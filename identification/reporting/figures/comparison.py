@@ -15,9 +15,6 @@ def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
     Args:
         first: Step response of the first fit, in the colour of the nominal model.
         second: Step response of the second fit.
-
-    Returns:
-        HTML text.
     """
     factor, unit = unit_prefix("s", [float(step.time[-1]) for step in (first, second)])
     lines, bands = [], []

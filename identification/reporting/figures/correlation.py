@@ -17,9 +17,6 @@ def correlation_figure(title: str, after: Correlation, before: Correlation | Non
         title: Title, which names the correlated signals.
         after: Correlation of the final model.
         before: Correlation of the nominal model; None if that is the final model.
-
-    Returns:
-        HTML text.
     """
     outside = np.abs(after.values) > after.half_width
     shown = [("outside the band", "loud", outside), ("final model", "after", ~outside)]

@@ -20,9 +20,6 @@ def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -
     Args:
         curve: Median and band.
         temperatures: Logged temperatures of the runs, (n_sample,) each [degC].
-
-    Returns:
-        HTML text.
     """
     lines = [*_histogram(temperatures, (float(curve.temperature[0]), float(curve.temperature[-1])))]
     if curve.before is not None:

@@ -43,9 +43,6 @@ def drawn_chart(element: str, width: float = 460.0) -> str:
         element: Element that `chart` returns.
         width: Width of the drawing [drawing units].
 
-    Returns:
-        SVG text.
-
     Raises:
         ValueError: The element is not a chart, or its data are not plottable.
     """

@@ -22,9 +22,6 @@ def prediction_figure(
         channel: The channel.
         time: (n_sample,) increasing [s].
         signals: (n_sample,) each, measured and simulated [rad/s or A]; NaN where unknown.
-
-    Returns:
-        HTML text.
     """
     measured, simulated = signals
     described = f"Measured and simulated {channel} over {float(time[-1] - time[0]):.4g} s."

@@ -20,13 +20,6 @@ def trace_figure(posterior: PosteriorChain, index: int) -> str:
     """One parameter over the steps: the central 90 % and 50 % of the walkers, and two of them.
 
     Sixty overlaid walkers form a grey block that hides a slow drift; their quantiles show it.
-
-    Args:
-        posterior: The chain.
-        index: Index of the parameter.
-
-    Returns:
-        HTML text.
     """
     name, unit = posterior.names[index], posterior.units[index]
     walks = posterior.chain[:, :, index]
