@@ -143,8 +143,7 @@ def _check_value(word: str, prior: Prior) -> None:
 def _check_spread(word: str, prior: Prior, *, is_given: bool) -> None:
     if prior.sd == 0.0 and not is_given:
         raise _refusal(
-            word,
-            "the default standard deviation is 1 % of 0; give one, such as alpha_Kt=0+-0.0005",
+            word, "the default standard deviation is 1 % of 0; give one, such as alpha_Kt=0+-0.0005"
         )
     if not 0.0 < prior.sd < math.inf:
         raise _refusal(

@@ -129,8 +129,7 @@ def _data(text: str) -> dict[str, float]:
         key, equals, word = (piece.strip() for piece in part.partition("="))
         if not equals or key not in KEYS:
             raise _refusal(
-                part,
-                f"expected KEY=VALUE with a key of {', '.join(KEYS)} and a decimal point",
+                part, f"expected KEY=VALUE with a key of {', '.join(KEYS)} and a decimal point"
             )
         if key in data:
             raise _refusal(part, f"{key} is given twice; keep one")

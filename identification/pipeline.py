@@ -267,9 +267,7 @@ def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ..
     if outcome is None:
         return confounded_terms(declared)
     return confounded_terms(
-        outcome.fit,
-        declared if outcome.effects else None,
-        is_structured=bool(outcome.omitted),
+        outcome.fit, declared if outcome.effects else None, is_structured=bool(outcome.omitted)
     )
 
 

@@ -60,12 +60,7 @@ def tune_loop(fit_id: str, body: TuningIn, services: ServicesDep, caller: Caller
     The loop is simulated with the effects found, limits, sample time and delay.  The answer takes
     some seconds and is not stored.
     """
-    found, remarks = services.analyses.tuning(
-        caller,
-        fit_id,
-        body.request(),
-        draws=_TUNING_DRAWS,
-    )
+    found, remarks = services.analyses.tuning(caller, fit_id, body.request(), draws=_TUNING_DRAWS)
     return TuningOut(tuning=found, remarks=list(remarks))
 
 
@@ -83,11 +78,7 @@ def tune_loop(fit_id: str, body: TuningIn, services: ServicesDep, caller: Caller
     },
 )
 def fetch_prediction(
-    fit_id: str,
-    run_id: str,
-    services: ServicesDep,
-    caller: CallerDep,
-    declared: Declared = False,
+    fit_id: str, run_id: str, services: ServicesDep, caller: CallerDep, declared: Declared = False
 ) -> OpenFileResponse:
     """Fetch the simulated signals of a stored run, as `motorid predict` writes them."""
     return OpenFileResponse(
@@ -98,16 +89,10 @@ def fetch_prediction(
 
 
 @router.get(
-    "/{fit_id}/predictions/{run_id}",
-    summary="Predict a run",
-    responses=responses(404, 422, 503),
+    "/{fit_id}/predictions/{run_id}", summary="Predict a run", responses=responses(404, 422, 503)
 )
 def predict_run(
-    fit_id: str,
-    run_id: str,
-    services: ServicesDep,
-    caller: CallerDep,
-    declared: Declared = False,
+    fit_id: str, run_id: str, services: ServicesDep, caller: CallerDep, declared: Declared = False
 ) -> PredictionOut:
     """Simulate a stored run from its inputs and compare it with the measured signals."""
     run, prediction = services.analyses.prediction(caller, fit_id, run_id, declared=declared)

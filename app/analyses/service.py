@@ -85,12 +85,7 @@ class AnalysisService:
         self._free = threading.BoundedSemaphore(_AT_ONCE)
 
     def tuning(
-        self,
-        caller: Caller,
-        fit_id: str,
-        request: TuningRequest,
-        *,
-        draws: int,
+        self, caller: Caller, fit_id: str, request: TuningRequest, *, draws: int
     ) -> tuple[Mapping[str, Any], tuple[str, ...]]:
         """Controllers that meet a specification, as ``motorid tune`` finds them.
 
@@ -170,12 +165,7 @@ class AnalysisService:
             return chain_draws(file, most, f"posterior.nc of {name}")
 
     def prediction(
-        self,
-        caller: Caller,
-        fit_id: str,
-        run_id: str,
-        *,
-        declared: bool = False,
+        self, caller: Caller, fit_id: str, run_id: str, *, declared: bool = False
     ) -> tuple[RunRow, Prediction]:
         """Simulate a stored run with the model of a fit, and compare it with the measurement.
 
@@ -219,11 +209,7 @@ class AnalysisService:
             )
         with self._turn():
             return run, self._predictor.predict(
-                run,
-                self._storage.run(run.id),
-                fit.result or {},
-                declared=declared,
-                table=table,
+                run, self._storage.run(run.id), fit.result or {}, declared=declared, table=table
             )
 
     def design(self, caller: Caller, fit_id: str | None, request: DesignRequest) -> Design:

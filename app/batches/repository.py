@@ -50,12 +50,7 @@ def cancel(session: Session, batch_id: str, now: float) -> int:
     statement = (
         update(FitRow)
         .where(FitRow.batch_id == batch_id, FitRow.status.not_in(ENDED))
-        .values(
-            version=FitRow.version + 1,
-            status="cancelled",
-            ended_at=now,
-            **RELEASED,
-        )
+        .values(version=FitRow.version + 1, status="cancelled", ended_at=now, **RELEASED)
         .returning(FitRow.id)
     )
     options = {"synchronize_session": False}

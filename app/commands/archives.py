@@ -13,10 +13,7 @@ from app.commands import options
 __all__ = ["backup", "restore"]
 
 
-def backup(
-    archive: options.NewBackup,
-    data_dir: options.DataDir = None,
-) -> None:
+def backup(archive: options.NewBackup, data_dir: options.DataDir = None) -> None:
     """Back up the service's database, runs and results, even while the service runs."""
     from app.backup.create import back_up
     from app.commands.administration import owner_only

@@ -144,9 +144,7 @@ def delete_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut 
 def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:
     """Fetch the HTML report of a succeeded fit."""
     return OpenFileResponse(
-        services.fits.report(caller, fit_id),
-        media_type="text/html; charset=utf-8",
-        headers=FRAMED,
+        services.fits.report(caller, fit_id), media_type="text/html; charset=utf-8", headers=FRAMED
     )
 
 

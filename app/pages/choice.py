@@ -99,9 +99,7 @@ async def prospects(request: Request, services: ServicesDep, caller: CallerDep) 
         services.reading.check()
         found = await services.reading.run(services.choice.prospects, caller, training)
     return page(
-        "prospects",
-        prospects=prospects_view(found, len(training)),
-        help=help_prefix(services),
+        "prospects", prospects=prospects_view(found, len(training)), help=help_prefix(services)
     )
 
 

@@ -50,10 +50,7 @@ def home(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) ->
 def docs(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Interactive documentation of the HTTP interface."""
     return page(
-        "docs",
-        caller=caller,
-        help=help_prefix(services),
-        description=f"{API_PREFIX}/openapi.json",
+        "docs", caller=caller, help=help_prefix(services), description=f"{API_PREFIX}/openapi.json"
     )
 
 

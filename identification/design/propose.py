@@ -23,12 +23,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.design.criteria import (
-    Separation,
-    information_bits,
-    narrowed,
-    separation,
-)
+from identification.design.criteria import Separation, information_bits, narrowed, separation
 from identification.design.limits import peaks, within
 from identification.design.models import time_constants
 from identification.design.profiles import Profile, library
@@ -103,7 +98,7 @@ class Designer:
         return tuple(
             Predictor.prepared(
                 model, task.limits.voltage * square, task.interval, task.noise,
-                task.earlier, task.hottest,
+                task.earlier, task.hottest
             )
             for model in task.models
         )  # fmt: skip

@@ -11,12 +11,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.design.limits import UNITS, Limits, limits_of
-from identification.design.models import (
-    DesignModel,
-    models_of,
-    nameplate_models,
-    time_constants,
-)
+from identification.design.models import DesignModel, models_of, nameplate_models, time_constants
 from identification.design.quantity import Quantity, quantity_of
 from identification.errors import InputError, OptionError
 from identification.nameplate import nameplate_of
@@ -57,8 +52,7 @@ class DesignOptions:
         for name, value, unit in (("duration", self.duration, "s"), ("rate", self.rate, "Hz")):
             if value is not None and not 0.0 < value < math.inf:
                 raise OptionError(
-                    f"{name} is {value:g} {unit}; expected a positive number in {unit}",
-                    value=value,
+                    f"{name} is {value:g} {unit}; expected a positive number in {unit}", value=value
                 )
         if not 0 <= self.seed < 2**32:
             raise OptionError(

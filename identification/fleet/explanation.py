@@ -36,14 +36,7 @@ from identification.fleet.causes import CAUSES
 from identification.fleet.drift import FALSE_DISCOVERY_RATE, adjusted
 from identification.fleet.refit import Estimate, Refit
 
-__all__ = [
-    "NONE",
-    "REPEATABILITY",
-    "UNDECIDED",
-    "UNLISTED",
-    "Explanation",
-    "explanations",
-]
+__all__ = ["NONE", "REPEATABILITY", "UNDECIDED", "UNLISTED", "Explanation", "explanations"]
 
 NONE = "none"
 UNDECIDED = "undecided"

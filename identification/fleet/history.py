@@ -19,10 +19,7 @@ _MOST_LABELS = 4
 
 
 def history_figure(
-    name: str,
-    refits: Sequence[Refit],
-    changes: Sequence[dict[str, Drift]],
-    labels: Sequence[str],
+    name: str, refits: Sequence[Refit], changes: Sequence[dict[str, Drift]], labels: Sequence[str]
 ) -> str:
     """Medians with their 90 % intervals, in the order of the fits.
 

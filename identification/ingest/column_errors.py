@@ -10,11 +10,7 @@ from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import OPTIONAL_CHANNELS
 from identification.ingest.names import similar_to
-from identification.ingest.units import (
-    CHANNEL_QUANTITIES,
-    canonical_unit,
-    unit_in_another_case,
-)
+from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit, unit_in_another_case
 
 __all__ = [
     "duplicate_columns",

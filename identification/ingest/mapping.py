@@ -184,8 +184,7 @@ def _channel(channel: object, entry: object) -> ChannelMapping:
     known = (*CHANNEL_QUANTITIES, *FACTOR_QUANTITIES)
     if channel not in known:
         raise MappingError(
-            f"{quoted(str(channel))} is no channel; expected {', '.join(known)}",
-            value=channel,
+            f"{quoted(str(channel))} is no channel; expected {', '.join(known)}", value=channel
         )
     name = str(channel)
     if entry is None:

@@ -19,13 +19,7 @@ import numpy as np
 import pandas as pd
 
 from identification.arrays import Array
-from identification.errors import (
-    AbsurdValue,
-    FileTooLarge,
-    MissingColumn,
-    RaggedRow,
-    TooFewRows,
-)
+from identification.errors import AbsurdValue, FileTooLarge, MissingColumn, RaggedRow, TooFewRows
 from identification.ingest.angle import unwrapped, with_speed
 from identification.ingest.channels import Channel
 from identification.ingest.clipping import find_clipped
@@ -103,10 +97,7 @@ def read_run(
 
 
 def _checked(
-    file: RunFile | Frame,
-    opened: SourceTable | TableSet,
-    mapping: RunMapping,
-    limits: Limits,
+    file: RunFile | Frame, opened: SourceTable | TableSet, mapping: RunMapping, limits: Limits
 ) -> Run:
     """Choose a table, assign its columns, read its cells and check them."""
     table, channels = choose_table(opened, mapping)
@@ -141,10 +132,7 @@ def _refuse_few(rows: int, row: Callable[[int], int]) -> None:
 
 
 def _run(
-    file: RunFile | Frame,
-    columns: Sequence[Column],
-    channels: dict[str, Channel],
-    samples: Samples,
+    file: RunFile | Frame, columns: Sequence[Column], channels: dict[str, Channel], samples: Samples
 ) -> Run:
     """Convert to SI units and check."""
     labels = {name: channel.column.label for name, channel in channels.items()}

@@ -22,15 +22,7 @@ from identification.ingest.display import quoted
 from identification.ingest.file import RunFile
 from identification.ingest.run import RunWarning
 
-__all__ = [
-    "ArrayTable",
-    "Reader",
-    "Samples",
-    "SourceTable",
-    "TableSet",
-    "blank_cell",
-    "not_finite",
-]
+__all__ = ["ArrayTable", "Reader", "Samples", "SourceTable", "TableSet", "blank_cell", "not_finite"]
 
 
 @dataclass(frozen=True)

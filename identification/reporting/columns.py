@@ -115,10 +115,7 @@ def stored_runs(
         columns, complete, kept = _fitting(runs[k], noise, room, budget // (others + 1))
         size = runs[k].time.size
         stored[k] = StoredRun(
-            rows=size,
-            complete=complete,
-            note=_note(size, kept, complete),
-            columns=columns,
+            rows=size, complete=complete, note=_note(size, kept, complete), columns=columns
         )
         budget = max(budget - _size(columns), 0)
     return [stored[k] for k in range(len(runs))]

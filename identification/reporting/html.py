@@ -55,11 +55,7 @@ from identification.result.numbers import (
     unit_text,
 )
 from identification.result.report_data import ReportData, RunTraces
-from identification.result.residuals import (
-    ResidualCheck,
-    coloured_channels,
-    residual_checks,
-)
+from identification.result.residuals import ResidualCheck, coloured_channels, residual_checks
 
 __all__ = ["content_security_policy", "render_report"]
 

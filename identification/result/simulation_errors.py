@@ -119,10 +119,7 @@ def worse_runs(findings: Findings) -> list[ResultWarning]:
 
 
 def worse_warnings(
-    before: Sequence[Simulated],
-    after: Sequence[Simulated],
-    noise: Array,
-    effects: Sequence[str],
+    before: Sequence[Simulated], after: Sequence[Simulated], noise: Array, effects: Sequence[str]
 ) -> list[ResultWarning]:
     """One warning for each run and channel whose error increases with the effects.
 

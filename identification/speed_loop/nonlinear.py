@@ -23,12 +23,7 @@ from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.term import AbstractTerm
-from identification.speed_loop.closed_loop import (
-    ClosedLoop,
-    LoopRun,
-    acting_terms,
-    simulated_loop,
-)
+from identification.speed_loop.closed_loop import ClosedLoop, LoopRun, acting_terms, simulated_loop
 from identification.speed_loop.controller import AbstractController, parse_controllers
 from identification.speed_loop.loop import close, motor_draws
 from identification.speed_loop.metrics import StepMetrics, quantities
@@ -170,7 +165,7 @@ class _Bench:
         return [
             SimulatedLoop(
                 controller.text, temperature, step, tuple(t.name for t in self.model.terms),
-                run.time, run.speed / step, event, _settled(run, step),
+                run.time, run.speed / step, event, _settled(run, step)
             )
             for temperature, run, event in zip(self.temperatures, runs, events, strict=True)
         ]  # fmt: skip

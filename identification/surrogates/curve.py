@@ -122,7 +122,7 @@ class AbstractCurve(AbstractForced):
             *(
                 Parameter(
                     f"linear_{name}", self.unit, f"coefficient of the part linear in {name}",
-                    scale=width, prior_sd=1.0,
+                    scale=width, prior_sd=1.0
                 )
                 for name, width in self._free()
             ),

@@ -17,12 +17,7 @@ import casadi as ca
 import numpy as np
 
 from identification.arrays import Array
-from identification.effects.effect import (
-    AbstractEffect,
-    AbstractForced,
-    CampaignScales,
-    Candidate,
-)
+from identification.effects.effect import AbstractEffect, AbstractForced, CampaignScales, Candidate
 from identification.effects.parameters import amplitude, columns, shape
 from identification.effects.second_inertia import (
     AbstractSecondInertia,

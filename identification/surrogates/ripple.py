@@ -72,7 +72,7 @@ class _Ripple(AbstractForced):
                 "frequency", "Hz", "frequency at the start of a run", scale=0.1 / self.duration,
                 lower=self.lowest, upper=self.highest,
                 prior_mean=0.5 * (self.lowest + self.highest),
-                prior_sd=10.0 * self.highest * self.duration,
+                prior_sd=10.0 * self.highest * self.duration
             ),
             Parameter(
                 "drift", "Hz", "change of the frequency over the duration of the longest run",

@@ -211,11 +211,7 @@ def _step(model: MotorModel, plan: StepPlan, wait: int) -> ca.Function:
 
 
 def _controller(
-    state: ca.SX,
-    inputs: ca.SX,
-    gains: list[ca.SX],
-    memory: list[ca.SX],
-    limit: tuple[ca.SX, ca.SX],
+    state: ca.SX, inputs: ca.SX, gains: list[ca.SX], memory: list[ca.SX], limit: tuple[ca.SX, ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
     """Output voltage of the controller before its limit, and its new integral [V]."""
     kp, ki, kd, kff = gains

@@ -134,11 +134,7 @@ class Judge:
         }
         metrics = {name: found[name] for name in METRICS}
         return Judgement(
-            metrics,
-            slack,
-            found["limited"] > 0,
-            found["peak_current"],
-            found["peak_voltage"],
+            metrics, slack, found["limited"] > 0, found["peak_current"], found["peak_voltage"]
         )
 
     def margins(self, gains: Array) -> dict[str, Array]:

@@ -26,14 +26,7 @@ from identification.errors import InputError, OptionError
 from identification.fleet.refit import Refit, refit_of
 from identification.result.atomic import write_text
 
-__all__ = [
-    "finish",
-    "kept_result",
-    "make_way",
-    "previous_refit",
-    "record_of",
-    "remember",
-]
+__all__ = ["finish", "kept_result", "make_way", "previous_refit", "record_of", "remember"]
 
 _RECORD: Final = "batch.json"
 _HISTORY: Final = "history"
