@@ -16,7 +16,7 @@ from contextlib import suppress
 from io import BufferedReader
 from pathlib import Path
 
-__all__ = ["is_full", "open_regular", "remove_entry", "sha256_of", "sync_directory"]
+__all__ = ["is_full", "open_regular", "remove_entry", "sha256_of"]
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _FULL_POSTGRESQL = "53100"
@@ -54,15 +54,6 @@ def remove_entry(path: Path) -> None:
     # NotADirectoryError: a parent is a file, so nothing exists at the path.
     with suppress(FileNotFoundError, NotADirectoryError):
         path.unlink()
-
-
-def sync_directory(directory: Path) -> None:
-    """Make the entries of a directory durable (fsync)."""
-    handle = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def is_full(error: BaseException) -> bool:

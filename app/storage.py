@@ -25,11 +25,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
-from app.disk import is_full, open_regular, remove_entry, sha256_of, sync_directory
+from app.disk import is_full, open_regular, remove_entry, sha256_of
 from app.errors import StorageFull
 from app.identifiers import Kind, is_id
 from app.locking import NodeLock
 from identification.errors import OptionError
+from identification.result.atomic import sync
 
 __all__ = ["CHECKPOINTS", "RESTORING", "Storage", "refused_when_full"]
 
@@ -120,7 +121,7 @@ class Storage:
             # A file system repair may leave a directory here, which os.replace cannot overwrite.
             remove_entry(self.run(run_id))
         os.replace(incoming, self.run(run_id))
-        sync_directory(self.directory / "runs")
+        sync(self.directory / "runs")
 
     def has_run(self, run_id: str, size: int, sha256: str) -> bool:
         """Return True if the stored bytes of a run are those that were uploaded."""

@@ -14,7 +14,15 @@ from pydantic import BaseModel, ConfigDict, model_validator
 
 from app.errors import FieldRefused
 
-__all__ = ["Documented", "Received", "check_text", "checked_label", "moment", "with_example"]
+__all__ = [
+    "Documented",
+    "Received",
+    "check_text",
+    "checked_label",
+    "moment",
+    "sentence",
+    "with_example",
+]
 
 _LONGEST = 1000
 
@@ -85,6 +93,11 @@ def moment(seconds: float) -> str:
     """Format a time given in seconds since 1970 as ISO 8601 in UTC."""
     text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="microseconds")
     return text.replace("+00:00", "Z")
+
+
+def sentence(message: str) -> str:
+    """Message of an error as a sentence of a page."""
+    return f"{message[0].upper()}{message[1:]}."
 
 
 def with_example(example: dict[str, Any]) -> ConfigDict:

@@ -13,12 +13,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from app.analyses.design import DesignRequest
 from app.fork_server.child import Answers, ProcessLimits, confine
-from identification.arrays import Array
 from identification.design import (
     profile_csv,
     proposal_entry,
@@ -104,8 +102,8 @@ def _summary(run: Run, prediction: pd.DataFrame, result: dict[str, Any]) -> dict
         time=run.time,
         voltage=run.voltage,
         temperature=run.temperature,
-        measured_current=_used(run, "current_A", run.current),
-        measured_speed=_used(run, "speed_rad_s", run.speed),
+        measured_current=run.used("current_A"),
+        measured_speed=run.used("speed_rad_s"),
         after_current=prediction["current_A"].to_numpy(),
         after_speed=prediction["speed_rad_s"].to_numpy(),
     )
@@ -131,12 +129,6 @@ def _summary(run: Run, prediction: pd.DataFrame, result: dict[str, Any]) -> dict
             "current": [traces.measured_current[kept], traces.after_current[kept]],
         },
     }
-
-
-def _used(run: Run, name: str, channel: Array) -> Array:
-    """Channel with NaN where its sensor was clipped."""
-    clipped = run.clipped.get(name)
-    return channel if clipped is None else np.where(clipped, np.nan, channel)
 
 
 def _errors(traces: RunTraces, channel: str, noise: float | None) -> dict[str, float | None]:

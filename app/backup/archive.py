@@ -22,9 +22,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from app.disk import is_full, sync_directory
+from app.disk import is_full
 from app.identifiers import is_id
 from identification.errors import InputError, OptionError
+from identification.result.atomic import sync
 
 __all__ = ["DATABASE", "SUMS", "AbstractTarget", "copied", "is_name", "opened", "target"]
 
@@ -94,7 +95,7 @@ class _Folder(AbstractTarget):
 
     def finish(self, sums: str) -> None:
         (self._directory / SUMS).write_text(sums, encoding="ascii")
-        sync_directory(self._directory)
+        sync(self._directory)
 
     def discard(self) -> None:
         # Remove only backup files: the directory may contain others by now.
@@ -143,7 +144,7 @@ class _Tar(AbstractTarget):
         self._stream.flush()
         os.fsync(self._stream.fileno())
         self._stream.close()
-        sync_directory(self._file.absolute().parent)
+        sync(self._file.absolute().parent)
 
     def discard(self) -> None:
         with contextlib.suppress(OSError):

@@ -17,10 +17,10 @@ from pathlib import Path
 from app.backup.archive import DATABASE, SUMS, copied, is_name, opened
 from app.backup.check import check_database
 from app.backup.create import Saved, database_file
-from app.disk import sync_directory
 from app.settings import Settings
 from app.storage import RESTORING
 from identification.errors import InputError, OptionError
+from identification.result.atomic import sync
 
 __all__ = ["restore"]
 
@@ -63,7 +63,7 @@ def restore(settings: Settings, backup: Path) -> Saved:
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise
-    sync_directory(place if is_there else place.parent)
+    sync(place if is_there else place.parent)
     return saved
 
 
@@ -89,7 +89,7 @@ def _move_up(partial: Path, place: Path) -> None:
         for entry in list(partial.iterdir()):
             os.rename(entry, place / entry.name)
             moved.append(entry)
-        sync_directory(place)
+        sync(place)
         partial.rmdir()
     except BaseException:
         # Move back into the temporary directory, which is removed as a whole.
@@ -122,8 +122,8 @@ def _fill(directory: Path, backup: Path) -> Saved:
     check_database(directory / DATABASE, found, backup)
     for part in ("incoming", "runs", "fits", "nodes"):
         (directory / part).mkdir(exist_ok=True, mode=0o700)
-        sync_directory(directory / part)
-    sync_directory(directory)
+        sync(directory / part)
+    sync(directory)
     return Saved.of(found)
 
 

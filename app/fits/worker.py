@@ -21,7 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.disk import is_full, open_regular, sha256_of, sync_directory
+from app.disk import is_full, open_regular, sha256_of
 from app.fits.job import LOG, FitJob, RunFile
 from app.fits.outputs import seal
 from app.fork_server.child import Answers, pipeline_of
@@ -31,6 +31,7 @@ from identification.ingest import Run, read_run
 from identification.label import Label
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
+from identification.result.atomic import sync
 from identification.threads import use_threads
 
 __all__ = ["checkpoint_of", "compute", "handle"]
@@ -95,7 +96,7 @@ def compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
     found.write(directory)
     progress("writing", 1.0)
     seal(directory)
-    sync_directory(directory)
+    sync(directory)
 
 
 def checkpoint_of(job: FitJob) -> Checkpoint:

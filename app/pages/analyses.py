@@ -22,6 +22,7 @@ from app.pages.prediction import prediction_view
 from app.pages.rendering import help_prefix, page
 from app.pages.tuning_form import FIELDS, TuningForm, tuning_view
 from app.pages.views import fit_view
+from app.texts import sentence
 from identification.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,8 +53,7 @@ def loop_page(
         )
         shown = _loop_view(loop, fit.result or {})
     except InputError as error:
-        message = str(error)
-        problem = f"{message[0].upper()}{message[1:]}."
+        problem = sentence(str(error))
     is_part = "hx-request" in request.headers
     return page(
         "loop",
@@ -82,8 +82,7 @@ def tuning_page(
             found, remarks = services.analyses.tuning(caller, fit_id, asked, draws=_TUNING_DRAWS)
             shown = tuning_view(found, remarks)
     except InputError as error:
-        message = str(error)
-        problem = f"{message[0].upper()}{message[1:]}."
+        problem = sentence(str(error))
     return page(
         "tuning",
         status=422 if problem else 200,

@@ -25,7 +25,7 @@ def comparison_view(
         results: Content of result.json of the first and of the second fit.
         steps: Step responses of each fit, same controller and temperatures.
     """
-    from identification.reporting.figures.comparison import compared_steps_figure
+    from identification.reporting.figures.curves import compared_steps_figure
     from identification.reporting.figures.drawn import drawn_chart
     from identification.result.attempts import Attempts, figure
 

@@ -17,6 +17,7 @@ from app.fits.schemas import FitSummary
 from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.rendering import help_prefix, page
 from app.pages.views import fit_view
+from app.texts import sentence
 from identification.errors import InputError
 
 __all__ = ["router"]
@@ -76,9 +77,9 @@ def design_page(
         try:
             shown = services.analyses.design(caller, fit_id, form.request).entry
         except InputError as error:
-            problem = _sentence(str(error))
+            problem = sentence(str(error))
         except (FieldRefused, RunRefused) as error:
-            problem = _sentence(error.message)
+            problem = sentence(error.message)
     effects = (fit.result or {}).get("effects") or ()
     return page(
         "design",
@@ -129,7 +130,3 @@ def _number(name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise FieldRefused(f"{name} {text[:40]!r} is not a number", field=name) from None
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."

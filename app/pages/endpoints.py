@@ -19,6 +19,7 @@ from app.pages.fits import router as fits
 from app.pages.pending_views import pending_list_view
 from app.pages.rendering import help_prefix, page
 from app.pages.views import batch_view, fit_view
+from app.texts import sentence
 
 __all__ = ["router"]
 
@@ -71,7 +72,7 @@ def sign_in(
     try:
         token = services.access.open_session(key.strip(), lifetime_s)
     except BadKey as error:
-        return page("login", status=401, problem=f"{error.message[0].upper()}{error.message[1:]}.")
+        return page("login", status=401, problem=sentence(error.message))
     answer = RedirectResponse("/", status_code=303)
     answer.set_cookie(
         COOKIE,

@@ -21,8 +21,8 @@ _WIDE: Final = 920.0
 
 def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
     """Figure and table of a prediction."""
+    from identification.reporting.figures.curves import prediction_figure
     from identification.reporting.figures.drawn import drawn_chart
-    from identification.reporting.figures.prediction import prediction_figure
     from identification.result.attempts import figure
     from identification.result.numbers import number_text, percent_text
 

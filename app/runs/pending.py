@@ -266,10 +266,6 @@ def _run_of(row: PendingRow, digest: str) -> RunRow:
         file=row.file,
         motor=row.motor,
         bytes=row.bytes,
-        rows=summary["rows"],
-        sample_rate_hz=summary["sample_rate_hz"],
-        duration_s=summary["duration_s"],
-        channels=summary["channels"],
-        warnings=summary["warnings"],
         created_at=time.time(),
+        **{name: summary[name] for name in repository.MEASURED},
     )

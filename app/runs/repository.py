@@ -10,7 +10,20 @@ from sqlalchemy.orm import Session
 from app.database import portions
 from app.tables import FitRow, FitRunRow, PendingRow, RunRow
 
-__all__ = ["add", "all_ids", "by_content", "hashes", "note_sent", "remove", "totals", "waiting_fit"]
+__all__ = [
+    "MEASURED",
+    "add",
+    "all_ids",
+    "by_content",
+    "hashes",
+    "note_sent",
+    "remove",
+    "totals",
+    "waiting_fit",
+]
+
+MEASURED = ("rows", "sample_rate_hz", "duration_s", "channels", "warnings")
+"""Columns of a run that the reader finds in its file."""
 
 
 def add(session: Session, row: RunRow) -> None:

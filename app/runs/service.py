@@ -109,12 +109,8 @@ class RunService:
             file=upload.name,
             motor=motor,
             bytes=upload.size,
-            rows=found["rows"],
-            sample_rate_hz=found["sample_rate_hz"],
-            duration_s=found["duration_s"],
-            channels=found["channels"],
-            warnings=found["warnings"],
             created_at=time.time(),
+            **{name: found[name] for name in repository.MEASURED},
         )
         # Store the file first: a sweep deletes a file without a row, but a row without a
         # file is a loss.

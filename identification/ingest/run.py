@@ -184,6 +184,10 @@ class Run:
         }
         return {name: values for name, values in channels.items() if values is not None}
 
+    def used(self, name: str) -> Array:
+        """(n_sample,) channel of a canonical name, NaN where its sensor saturated."""
+        return np.where(self.clipped.get(name, False), np.nan, self.channels[name])
+
     def table(self) -> pd.DataFrame:
         """The samples in canonical columns and SI units; unlogged channels have no column."""
         return pd.DataFrame({"time_s": self.time, **self.channels})

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["replacing", "write_text"]
+__all__ = ["replacing", "sync", "write_text"]
 
 
 @contextmanager
@@ -34,9 +34,9 @@ def replacing(path: Path) -> Iterator[Path]:
         yield neighbour
         # mkstemp creates files that only the owner can read; a result has ordinary permissions.
         neighbour.chmod(0o666 & ~_umask())
-        _force_to_disk(neighbour)
+        sync(neighbour)
         neighbour.replace(path)
-        _force_to_disk(path.parent)
+        sync(path.parent)
     finally:
         with suppress(FileNotFoundError):
             neighbour.unlink()
@@ -48,7 +48,8 @@ def write_text(path: Path, text: str) -> None:
         neighbour.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _force_to_disk(path: Path) -> None:
+def sync(path: Path) -> None:
+    """Force a file, or the entries of a directory, to disk (fsync)."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -123,8 +123,8 @@ def _runs(findings: Findings) -> list[RunTraces]:
                     time=run.time,
                     voltage=run.voltage,
                     temperature=run.temperature,
-                    measured_current=_used(run, "current_A", run.current),
-                    measured_speed=_used(run, "speed_rad_s", run.speed),
+                    measured_current=run.used("current_A"),
+                    measured_speed=run.used("speed_rad_s"),
                     after_current=a[:, 0],
                     after_speed=a[:, 1],
                     before_current=b[:, 0] if changed else None,
@@ -132,12 +132,6 @@ def _runs(findings: Findings) -> list[RunTraces]:
                 )
             )
     return traces
-
-
-def _used(run: Run, name: str, channel: Array) -> Array:
-    """Channel with NaN where its sensor was clipped."""
-    clipped = run.clipped.get(name)
-    return channel if clipped is None else np.where(clipped, np.nan, channel)
 
 
 def _by_run(simulated: list[Simulated], runs: tuple[Run, ...]) -> list[Array]:

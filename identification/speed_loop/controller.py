@@ -90,12 +90,10 @@ class AbstractController(ABC):
     """Linear controller of the speed.
 
     A member is a frozen dataclass whose fields are its gains.
-
-    Attributes:
-        text: Specification as the user wrote it; it names the controller in the result.
     """
 
     text: str
+    """Specification as the user wrote it; it names the controller in the result."""
 
     @abstractmethod
     def transfer_function(self) -> TransferFunction:
@@ -107,7 +105,6 @@ class P(AbstractController):
     """Proportional controller."""
 
     text: str
-    """Specification as the user wrote it."""
     proportional: float
     """Gain kp [V s/rad]."""
 
@@ -121,7 +118,6 @@ class PI(AbstractController):
     """Proportional-integral controller."""
 
     text: str
-    """Specification as the user wrote it."""
     proportional: float
     """Gain kp [V s/rad]."""
     integral: float
@@ -137,7 +133,6 @@ class PIFF(AbstractController):
     """Proportional-integral controller with static feed-forward of the reference."""
 
     text: str
-    """Specification as the user wrote it."""
     proportional: float
     """Gain kp [V s/rad]."""
     integral: float
@@ -161,7 +156,6 @@ class PID(AbstractController):
     """Proportional-integral-derivative controller."""
 
     text: str
-    """Specification as the user wrote it."""
     proportional: float
     """Gain kp [V s/rad]."""
     integral: float

@@ -21,10 +21,10 @@ from typing import Any, Final
 
 from app.commands.batch.manifest import Motor
 from app.commands.files import read_result
-from app.disk import open_regular, sync_directory
+from app.disk import open_regular
 from identification.errors import InputError, OptionError
 from identification.fleet.refit import Refit, refit_of
-from identification.result.atomic import write_text
+from identification.result.atomic import sync, write_text
 
 __all__ = ["finish", "kept_result", "make_way", "previous_refit", "record_of", "remember"]
 
@@ -80,7 +80,7 @@ def make_way(out: Path) -> None:
         return
     remember(out, stored, result)
     (out / _RECORD).unlink()
-    sync_directory(out)
+    sync(out)
 
 
 def remember(out: Path, record: Mapping[str, Any], result: Mapping[str, Any]) -> None:

@@ -1,8 +1,9 @@
-"""Curves with 90 % bands: coefficients over temperature, closed-loop step responses over time."""
+"""Curves: coefficients over temperature, step responses and predicted signals over time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -11,7 +12,15 @@ from identification.reporting.figures.chart import Band, Line, chart
 from identification.result.numbers import number_text, unit_prefix, unit_text
 from identification.result.report_data import CoefficientCurve, StepResponse
 
-__all__ = ["coefficient_figure", "step_figure", "temperature_kinds"]
+__all__ = [
+    "coefficient_figure",
+    "compared_steps_figure",
+    "prediction_figure",
+    "step_figure",
+    "temperature_kinds",
+]
+
+_CHANNEL_UNITS = {"speed": "rad/s", "current": "A"}
 
 
 def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -> str:
@@ -57,6 +66,51 @@ def step_figure(steps: Sequence[StepResponse]) -> str:
     labels = (f"time after the step [{unit}]", "speed / reference")
     title = f"Step responses with {steps[0].controller}"
     return chart(title, described + ".", labels, lines, bands)
+
+
+def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
+    """Step responses of two fits with the same controller at the same temperature.
+
+    Args:
+        first: Step response of the first fit, in the colour of the nominal model.
+        second: Step response of the second fit.
+    """
+    factor, unit = unit_prefix("s", [float(step.time[-1]) for step in (first, second)])
+    lines, bands = [], []
+    for label, step, kind in (("first", first, "before"), ("second", second, "after")):
+        bands.append(Band(kind, factor * step.time, step.q05, step.q95))
+        lines.append(Line(label, kind, factor * step.time, step.median))
+    described = (
+        f"The first fit settles at {number_text(float(first.median[-1]))}, the second at "
+        f"{number_text(float(second.median[-1]))}."
+    )
+    title = f"Step responses with {first.controller} at {first.temperature_degC:g} °C"
+    labels = (f"time after the step [{unit}]", "speed / reference")
+    return chart(title, described, labels, lines, bands)
+
+
+def prediction_figure(
+    name: str, channel: Literal["speed", "current"], time: Array, signals: tuple[Array, Array]
+) -> str:
+    """Measured signal in grey, the simulated one over it.
+
+    Args:
+        name: Name of the run.
+        channel: The channel.
+        time: (n_sample,) increasing [s].
+        signals: (n_sample,) each, measured and simulated [rad/s or A]; NaN where unknown.
+    """
+    measured, simulated = signals
+    described = f"Measured and simulated {channel} over {float(time[-1] - time[0]):.4g} s."
+    return chart(
+        f"{name}: {channel}",
+        described,
+        ("time [s]", f"{channel} [{_CHANNEL_UNITS[channel]}]"),
+        [
+            Line("measured", "measured", time, measured),
+            Line("simulated", "after", time, simulated, "thin"),
+        ],
+    )
 
 
 def temperature_kinds(temperatures: Sequence[float]) -> list[str]:

@@ -76,7 +76,7 @@ def test_full_disk_leaves_no_part_of_a_backup(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr(archive, "sync_directory", full)
+        patch.setattr(archive, "sync", full)
         with pytest.raises(OSError, match="No space left"):
             back_up(settings, tmp_path / place)
 

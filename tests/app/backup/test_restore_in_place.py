@@ -89,7 +89,7 @@ def test_move_that_fails_leaves_the_directory_empty(
         raise OSError(5, "Input/output error")
 
     def move(partial: Path, place: Path) -> None:
-        monkeypatch.setattr(module, "sync_directory", failing)
+        monkeypatch.setattr(module, "sync", failing)
         original(partial, place)
 
     original = module._move_up

@@ -301,7 +301,7 @@ def test_feedback_list_is_replaced_whole_or_not_at_all(
     out.write_text("old")
 
     full = failing_with(OSError(28, "No space left on device"))
-    monkeypatch.setattr("identification.result.atomic._force_to_disk", full)
+    monkeypatch.setattr("identification.result.atomic.sync", full)
 
     assert main(["feedback", *MOTOR, *COLD, "--out", str(out), "-q"]) == 1
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"feedback.json": "old"}
