@@ -73,7 +73,10 @@ class TuningRequest:
 
 
 class AnalysisService:
-    """Analyses of fits; each is restricted to the workspace of its caller."""
+    """Analyses of fits; each is restricted to the workspace of its caller.
+
+    `NotFound` is raised for an ID that this workspace does not have.
+    """
 
     def __init__(
         self, fits: FitService, runs: RunService, storage: Storage, predictor: Predictor
@@ -93,7 +96,7 @@ class AnalysisService:
             Content of the file of ``motorid tune``, and limits of the numbers in words.
 
         Raises:
-            NotFound: As for `loop`; so do the other errors.
+            NotReady: As for `loop`; so do the other errors.
         """
         from identification.tuning import motor_of, parse_specification, tune
 
@@ -131,7 +134,6 @@ class AnalysisService:
             draws: Largest number of posterior draws.
 
         Raises:
-            NotFound: The caller's workspace has no such fit.
             NotReady: The fit has not succeeded.
             FileLost: The result or the posterior is missing or damaged.
             OptionError: A controller or a temperature is not accepted.
@@ -170,7 +172,6 @@ class AnalysisService:
         """Simulate a stored run with the model of a fit, and compare it with the measurement.
 
         Raises:
-            NotFound: The caller's workspace has no such fit or run.
             NotReady: The fit has not succeeded.
             FileLost: The result or the run is missing or damaged.
             RunRefused: The prediction exceeds the limits, or the result does not allow it.
@@ -184,7 +185,7 @@ class AnalysisService:
         """The table of a prediction as an open CSV file, as `motorid predict` writes it.
 
         Raises:
-            NotFound: As for `prediction`; so do the other errors.
+            NotReady: As for `prediction`; so do the other errors.
             StorageFull: No disk space is left.
         """
         # An unnamed file: the table of a long run does not fit into memory.
@@ -216,7 +217,6 @@ class AnalysisService:
         """Design the next run of the motor of a fit, or the first run of a nameplate.
 
         Raises:
-            NotFound: The caller's workspace has no such fit.
             NotReady: The fit has not succeeded.
             FileLost: The result is missing or damaged.
             OptionError: An option is not accepted.
@@ -232,7 +232,6 @@ class AnalysisService:
         """Succeeded fit with its result.
 
         Raises:
-            NotFound: The caller's workspace has no such fit.
             NotReady: The fit has not succeeded.
             FileLost: The result is missing or damaged.
         """

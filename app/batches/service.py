@@ -63,7 +63,10 @@ class StoredBatch:
 
 
 class BatchService:
-    """Operations on batches; each is restricted to the workspace of its caller."""
+    """Operations on batches; each is restricted to the workspace of its caller.
+
+    `NotFound` is raised for an ID that this workspace does not have.
+    """
 
     def __init__(
         self, database: Database, storage: Storage, supervisor: Supervisor, quotas: Quotas
@@ -139,11 +142,7 @@ class BatchService:
         return [StoredBatch(row, counts[row.id], shares[row.id]) for row in rows], following
 
     def get(self, caller: Caller, batch_id: str) -> StoredBatch:
-        """Batch with its fits.
-
-        Raises:
-            NotFound: The caller's workspace has no such batch.
-        """
+        """Batch with its fits."""
         with self._database.reading() as session:
             row = queries.known(session, BatchRow, caller.workspace, batch_id)
             counts = repository.counts(session, [row.id])[row.id]
@@ -155,9 +154,6 @@ class BatchService:
 
         Returns:
             The batch if fits were cancelled, None if it was deleted.
-
-        Raises:
-            NotFound: The caller's workspace has no such batch.
         """
         with self._database.writing() as session:
             row = queries.known(session, BatchRow, caller.workspace, batch_id)
@@ -173,11 +169,7 @@ class BatchService:
         return None
 
     def rows(self, caller: Caller, batch_id: str) -> tuple[StoredBatch, list[dict[str, Any]]]:
-        """Batch and the rows of its results table, one per motor.
-
-        Raises:
-            NotFound: The caller's workspace has no such batch.
-        """
+        """Batch and the rows of its results table, one per motor."""
         batch, refits = self._refits(caller, batch_id)
         return batch, rows_of(refits)
 
@@ -185,7 +177,6 @@ class BatchService:
         """Results table of a batch as a file.
 
         Raises:
-            NotFound: The caller's workspace has no such batch.
             NotAcceptable: This installation cannot write Parquet.
         """
         _, rows = self.rows(caller, batch_id)
@@ -200,11 +191,7 @@ class BatchService:
             ) from error
 
     def report(self, caller: Caller, batch_id: str) -> str:
-        """Page of all motors of a batch, with the results available so far.
-
-        Raises:
-            NotFound: The caller's workspace has no such batch.
-        """
+        """Page of all motors of a batch, with the results available so far."""
         # Lazy import: the plotting library would slow down every start.
         from identification.fleet.page import render_fleet
 

@@ -46,7 +46,10 @@ class StoredFit:
 
 
 class FitService:
-    """Operations on fits; each is restricted to the workspace of its caller."""
+    """Operations on fits; each is restricted to the workspace of its caller.
+
+    `NotFound` is raised for an ID that this workspace does not have.
+    """
 
     def __init__(
         self, database: Database, storage: Storage, supervisor: Supervisor, quotas: Quotas
@@ -119,7 +122,6 @@ class FitService:
         """Fit with its result if it has succeeded.
 
         Raises:
-            NotFound: The caller's workspace has no such fit.
             FileLost: The result is missing or damaged.
         """
         with self._database.reading() as session:
@@ -138,11 +140,7 @@ class FitService:
         return fit
 
     def row(self, caller: Caller, fit_id: str) -> FitRow:
-        """Database row of a fit: its state and progress.
-
-        Raises:
-            NotFound: The caller's workspace has no such fit.
-        """
+        """Database row of a fit: its state and progress."""
         with self._database.reading() as session:
             return queries.known(session, FitRow, caller.workspace, fit_id)
 
@@ -151,9 +149,6 @@ class FitService:
 
         Returns:
             The fit if it was cancelled, None if it was deleted.
-
-        Raises:
-            NotFound: The caller's workspace has no such fit.
         """
         with self._database.writing() as session:
             queries.known(session, FitRow, caller.workspace, fit_id)
@@ -172,7 +167,6 @@ class FitService:
         """Open the report of a fit for reading.
 
         Raises:
-            NotFound: The caller's workspace has no such fit.
             NotReady: The fit has not succeeded.
             FileLost: The report is missing or damaged.
         """
@@ -186,7 +180,6 @@ class FitService:
         """Open the posterior of a fit for reading.
 
         Raises:
-            NotFound: The caller's workspace has no such fit.
             NotReady: The fit has not succeeded, or was computed without a posterior.
             FileLost: The posterior is missing or damaged.
         """
@@ -209,7 +202,6 @@ class FitService:
         """Result of a fit in the format of another program.
 
         Raises:
-            NotFound: The caller's workspace has no such fit.
             NotReady: The fit has not succeeded.
             FieldRefused: The format, a temperature or the result is not accepted.
             FileLost: The result is missing or damaged.

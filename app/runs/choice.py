@@ -24,7 +24,10 @@ _MOST_KEPT = 100
 
 
 class RunChoice:
-    """Operations on the chosen runs; each is restricted to the workspace of its caller."""
+    """Operations on the chosen runs; each is restricted to the workspace of its caller.
+
+    `NotFound` is raised for an ID that this workspace does not have.
+    """
 
     def __init__(self, database: Database, storage: Storage, reader: RunReader) -> None:
         self._database = database
@@ -47,7 +50,6 @@ class RunChoice:
 
         Raises:
             FieldRefused: A role is unknown.
-            NotFound: The workspace has no such run.
         """
         for run_id, role in roles.items():
             if role not in ("", *ROLES):
@@ -78,7 +80,6 @@ class RunChoice:
 
         Raises:
             FieldRefused: The name is not accepted.
-            NotFound: The workspace has no such run.
         """
         motor = checked_label("motor", motor)
         with self._database.writing() as session:
@@ -98,7 +99,6 @@ class RunChoice:
             run_ids: Training runs in the order of recording.
 
         Raises:
-            NotFound: The workspace has no such run.
             RunRefused: Examining the runs exceeds the limits.
         """
         with self._database.reading() as session:

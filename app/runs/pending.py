@@ -34,7 +34,10 @@ __all__ = ["PendingRuns"]
 
 
 class PendingRuns:
-    """Operations on pending runs; each is restricted to the workspace of its caller."""
+    """Operations on pending runs; each is restricted to the workspace of its caller.
+
+    `NotFound` is raised for an ID that this workspace does not have.
+    """
 
     def __init__(
         self, database: Database, storage: Storage, reader: RunReader, quotas: Quotas
@@ -91,11 +94,7 @@ class PendingRuns:
             return session.scalars(query.order_by(BenchRow.changed_at.desc())).all()
 
     def get(self, caller: Caller, run_id: str) -> PendingRow:
-        """Pending run by ID.
-
-        Raises:
-            NotFound: The workspace has no such pending run.
-        """
+        """Pending run by ID."""
         with self._database.reading() as session:
             return queries.known(session, PendingRow, caller.workspace, run_id)
 
@@ -106,7 +105,6 @@ class PendingRuns:
         selected is lost; only a mapping that reads the file is saved for the bench.
 
         Raises:
-            NotFound: The workspace has no such pending run.
             RunRefused: Examining the file exceeds the limits.
         """
         chosen = None if mapping is None else dict(mapping)
@@ -130,7 +128,6 @@ class PendingRuns:
         The stored run remains: fits refer to it.
 
         Raises:
-            NotFound: The workspace has no such run.
             QuotaExceeded: The quota of the workspace does not allow another run of this size.
             FileLost: The file of the run is missing.
             StorageFull: No disk space is left.
@@ -220,11 +217,7 @@ class PendingRuns:
         return new, known
 
     def discard(self, caller: Caller, run_id: str) -> None:
-        """Delete a pending run and its file.
-
-        Raises:
-            NotFound: The workspace has no such pending run.
-        """
+        """Delete a pending run and its file."""
         with self._database.writing() as session:
             session.delete(queries.known(session, PendingRow, caller.workspace, run_id, lock=True))
         self._storage.remove_run(run_id)

@@ -33,7 +33,10 @@ _log = logging.getLogger(__name__)
 
 
 class RunService:
-    """Operations on runs; each is restricted to the workspace of its caller."""
+    """Operations on runs; each is restricted to the workspace of its caller.
+
+    `NotFound` is raised for an ID that this workspace does not have.
+    """
 
     def __init__(
         self,
@@ -168,11 +171,7 @@ class RunService:
             )
 
     def get(self, caller: Caller, run_id: str) -> RunRow:
-        """Run by ID.
-
-        Raises:
-            NotFound: The caller's workspace has no such run.
-        """
+        """Run by ID."""
         with self._database.reading() as session:
             return queries.known(session, RunRow, caller.workspace, run_id)
 
@@ -180,7 +179,6 @@ class RunService:
         """Delete a run and its file.
 
         Raises:
-            NotFound: The caller's workspace has no such run.
             RunInUse: An unfinished fit needs the run.
         """
         with self._database.writing() as session:
