@@ -18,7 +18,7 @@ import typer
 
 from app.commands import options
 from app.commands.archives import backup, restore
-from app.commands.arguments import SeveralWords
+from app.commands.arguments import SeveralWords, mapping_of
 from app.commands.design import design
 from app.commands.exits import (
     CaughtSignals,
@@ -119,7 +119,7 @@ def fit(
             known=known,
             nameplate=nameplate,
         ),
-        mapping=motor.mapping_of(mapping, map or []),
+        mapping=mapping_of(mapping, map or []),
         label=motor.Label(motor_name, bench),
         show=motor.Show(as_json=json, quiet=quiet),
     )
@@ -143,7 +143,6 @@ def check(
 
     Nothing is stored.  The exit status is 2 if `motorid fit` would refuse the runs.
     """
-    from app.commands.arguments import mapping_of
     from app.commands.check import check
 
     given = [] if mapping is None else ["--mapping", str(mapping)]
@@ -170,7 +169,7 @@ def predict(
     """
     from app.commands import motor
 
-    motor.predict(result, run, out, declared, motor.mapping_of(mapping, map or []))
+    motor.predict(result, run, out, declared, mapping_of(mapping, map or []))
 
 
 @app.command(cls=SeveralWords)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -68,6 +69,20 @@ def writable_file(path: Path, option: str = "--out", inputs: Iterable[Path] = ()
         raise OptionError(f"{option} {path}: is a directory; expected a file name", value=str(path))
     with writable_directory(Path(os.path.abspath(path)).parent, option):
         yield
+
+
+def write_json(path: Path | None, content: object, result: Path | None) -> None:
+    """Write a JSON file, if one is wanted; a file of the result that was read is no target.
+
+    Raises:
+        OptionError: The path cannot be written, or is an input.
+    """
+    if path is None:
+        return
+    from identification.result.atomic import write_text
+
+    with writable_file(path, inputs=() if result is None else (result, result.parent)):
+        write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def read_result(path: Path) -> dict[str, Any]:

@@ -6,7 +6,6 @@ output directory.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +14,14 @@ from typing import Any
 import numpy as np
 
 from app.commands import console
-from app.commands.arguments import check_mapped_files, mapping_of, run_names, values_by_name
-from app.commands.files import draws_of, read_result, writable_directory, writable_file
+from app.commands.arguments import check_mapped_files, run_names, values_by_name
+from app.commands.files import (
+    draws_of,
+    read_result,
+    writable_directory,
+    writable_file,
+    write_json,
+)
 from identification.arrays import Array
 from identification.errors import InputError, OptionError
 from identification.label import Label
@@ -30,7 +35,6 @@ __all__ = [
     "feedback",
     "fit",
     "fit_options",
-    "mapping_of",
     "motor_of",
     "predict",
 ]
@@ -190,12 +194,7 @@ def feedback(
         InputError: A parameter, temperature, controller or the output file is not accepted.
     """
     entries = feedback_metrics(draws, temperatures, controllers)
-    if out is not None:
-        from identification.result.atomic import write_text
-
-        inputs = () if result is None else (result, result.parent)
-        with writable_file(out, inputs=inputs):
-            write_text(out, json.dumps(entries, indent=2, allow_nan=False) + "\n")
+    write_json(out, entries, result)
     if show.as_json:
         console.print_json(entries)
     elif not show.quiet:

@@ -78,12 +78,15 @@ def tune(
     """
     from app.commands import motor, tuning
 
-    request = tuning.Request(
-        specification=spec,
-        temperatures=temperature or ["25:125"],
+    tuning.tune(
+        result,
+        set or [],
+        spec,
+        temperature or ["25:125"],
+        out,
+        motor.Show(as_json=json, quiet=quiet),
         kinds=[one.upper() for one in kind or []],
         controllers=controller or [],
         probability=probability,
         step=step,
     )
-    tuning.tune(result, set or [], request, out, motor.Show(as_json=json, quiet=quiet))

@@ -2,55 +2,46 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from app.commands import console
-from app.commands.files import draws_of, read_result, writable_file
+from app.commands.files import draws_of, read_result, write_json
 from app.commands.motor import Show, motor_of
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
-__all__ = ["Request", "temperatures_of", "tune"]
+__all__ = ["temperatures_of", "tune"]
 
 _MOST_DRAWS = 400
 _OF_A_RANGE = 5
 
 
-@dataclass(frozen=True)
-class Request:
-    """Options of the command."""
-
-    specification: str
-    """``NAME=VALUE,...``."""
-    temperatures: Sequence[str]
-    """Numbers and ranges ``LOW:HIGH`` [degC]."""
-    kinds: Sequence[str]
-    """Kinds of controllers to tune; all if empty."""
-    controllers: Sequence[str]
-    """Controllers to judge instead."""
-    probability: float
-    """Required probability."""
-    step: float | None
-    """Step of the reference [rad/s]."""
-
-
 def tune(
-    result: Path | None, settings: Sequence[str], request: Request, out: Path | None, show: Show
+    result: Path | None,
+    settings: Sequence[str],
+    specification: str,
+    temperatures: Sequence[str],
+    out: Path | None,
+    show: Show,
+    *,
+    kinds: Sequence[str],
+    **options: Any,
 ) -> None:
     """Tune or judge controllers, write the file and show it.
 
     Args:
         result: result.json of a fit; None with `settings`.
         settings: ``NAME=VALUE`` of each nominal parameter, instead of a result.
-        request: Options.
+        specification: ``NAME=VALUE,...``.
+        temperatures: Numbers and ranges ``LOW:HIGH`` [degC].
         out: JSON file to write.
         show: Content of standard output.
+        kinds: Kinds of controllers to tune; all if empty.
+        **options: Other options of `identification.tuning.tune`, by name.
 
     Raises:
         InputError: The result, an option or the output file is not accepted.
@@ -59,8 +50,8 @@ def tune(
     from identification.tuning import motor_of as uncertain
     from identification.tuning import tune as tuned
 
-    spec = parse_specification(request.specification)
-    asked = temperatures_of(request.temperatures)
+    spec = parse_specification(specification)
+    asked = temperatures_of(temperatures)
     if result is not None and not settings:
         content = read_result(result)
         draws, remark = draws_of(content, result, _MOST_DRAWS)
@@ -69,21 +60,8 @@ def tune(
         motor = uncertain(draws, content)
     else:
         motor = uncertain(motor_of(result, settings))
-    found = tuned(
-        motor,
-        spec,
-        temperatures=asked,
-        kinds=request.kinds or KINDS,
-        controllers=request.controllers,
-        probability=request.probability,
-        step=request.step,
-    )
-    if out is not None:
-        from identification.result.atomic import write_text
-
-        inputs = () if result is None else (result, result.parent)
-        with writable_file(out, inputs=inputs):
-            write_text(out, json.dumps(found, indent=2, allow_nan=False) + "\n")
+    found = tuned(motor, spec, temperatures=asked, kinds=kinds or KINDS, **options)
+    write_json(out, found, result)
     if show.as_json:
         console.print_json(found)
     elif not show.quiet:
