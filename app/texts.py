@@ -7,6 +7,7 @@ them, so without this check one request would succeed on one database and fail o
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime
 from typing import Any
 
@@ -98,6 +99,11 @@ def moment(seconds: float) -> str:
 def sentence(message: str) -> str:
     """Message of an error as a sentence of a page."""
     return f"{message[0].upper()}{message[1:]}."
+
+
+def parts(text: str) -> list[str]:
+    """Parts of a field of a form, separated by commas, semicolons or blanks."""
+    return re.findall(r"[^\s,;]+", text)
 
 
 def with_example(example: dict[str, Any]) -> ConfigDict:

@@ -19,6 +19,7 @@ from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.choice_views import choice_view, prospects_view
 from app.pages.rendering import help_prefix, page
 from app.runs.roles import ROLES
+from app.texts import parts
 
 __all__ = ["MotorFilter", "choice_of", "options_from", "router"]
 
@@ -167,9 +168,7 @@ def options_from(form: Mapping[str, str]) -> dict[str, Any]:
         "set_aside": contradicting == "set_aside",
         "force": contradicting == "force",
         "temperatures": [
-            _number("temperatures", word)
-            for word in re.split(r"[\s;,]+", form.get("temperatures", ""))
-            if word
+            _number("temperatures", part) for part in parts(form.get("temperatures", ""))
         ],
         "controllers": _words(form.get("controllers", "")),
         # Blanks around the signs are allowed, as in "Kt25 = 0.048 ± 5 %".

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Self
@@ -17,7 +16,7 @@ from app.fits.schemas import FitSummary
 from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.rendering import help_prefix, page
 from app.pages.views import fit_view
-from app.texts import sentence
+from app.texts import parts, sentence
 from identification.errors import InputError
 
 __all__ = ["router"]
@@ -25,7 +24,6 @@ __all__ = ["router"]
 router = APIRouter(include_in_schema=False)
 
 _LONGEST: Final = 200
-_BETWEEN: Final = re.compile(r"[\s,;]+")
 
 
 @dataclass(frozen=True)
@@ -56,12 +54,11 @@ class DesignForm:
         Raises:
             FieldRefused: A field is not a number.
         """
-        words = [word for word in _BETWEEN.split(self.temperature) if word]
         return DesignRequest(
             limits=self.limits,
             duration=_number("duration", self.duration) if self.duration else None,
             rate=_number("rate", self.rate) if self.rate else None,
-            temperatures=tuple(_number("temperature", word) for word in words),
+            temperatures=tuple(_number("temperature", part) for part in parts(self.temperature)),
             narrow=self.narrow,
         )
 

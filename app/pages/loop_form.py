@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
+from app.texts import parts
 from identification.errors import OptionError
 
 __all__ = ["MOST_TEMPERATURES", "LoopForm"]
@@ -15,7 +15,6 @@ MOST_TEMPERATURES = 5
 
 _GAINS = {"P": ("kp",), "PI": ("kp", "ki"), "PID": ("kp", "ki", "kd")}
 _DEFAULT = "P:1"
-_BETWEEN = re.compile(r"[\s,;]+")
 
 
 @dataclass(frozen=True)
@@ -67,14 +66,14 @@ class LoopForm:
         Raises:
             OptionError: A part is not a number, or there are too many.
         """
-        parts = list(dict.fromkeys(part for part in _BETWEEN.split(self.temperature) if part))
-        if len(parts) > MOST_TEMPERATURES:
+        given = list(dict.fromkeys(parts(self.temperature)))
+        if len(given) > MOST_TEMPERATURES:
             raise OptionError(
-                f"{len(parts)} temperatures; expected at most {MOST_TEMPERATURES}",
+                f"{len(given)} temperatures; expected at most {MOST_TEMPERATURES}",
                 value=self.temperature,
             )
         try:
-            return [float(part) for part in parts]
+            return [float(part) for part in given]
         except ValueError:
             raise OptionError(
                 f"temperatures {self.temperature[:60]!r} are not numbers; expected degC separated "

@@ -6,12 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from app.analyses.prediction import Prediction
-
-    Array = NDArray[np.float64]
+    from identification.arrays import Array
 
 __all__ = ["prediction_view"]
 
@@ -29,8 +25,8 @@ def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
     time = _array(prediction.plot["time"])
 
     def drawn(channel: Literal["speed", "current"]) -> str:
-        signals = _pair(prediction.plot[channel])
-        return drawn_chart(prediction_figure(name, channel, time, signals), _WIDE)
+        measured, simulated = map(_array, prediction.plot[channel])
+        return drawn_chart(prediction_figure(name, channel, time, (measured, simulated)), _WIDE)
 
     rows = []
     for channel, unit in (("current", "A"), ("speed", "rad/s")):
@@ -47,13 +43,6 @@ def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
         )
     figures = [figure(f"predicted {channel}", drawn, channel) for channel in ("speed", "current")]
     return {"figures": figures, "rows": rows}
-
-
-def _pair(
-    series: Sequence[Sequence[float | None]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    measured, simulated = series
-    return _array(measured), _array(simulated)
 
 
 def _array(values: Sequence[float | None]) -> Array:
