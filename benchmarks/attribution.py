@@ -41,7 +41,7 @@ from identification.fit.solve import Fit
 from identification.posterior.density import Posterior
 from identification.selection.non_identifiable import with_linear_parts
 from identification.selection.search import search
-from identification.work import metered
+from identification.work import Budget, metered
 
 __all__ = ["main", "plan", "tried"]
 
@@ -122,7 +122,7 @@ def tried(item: dict[str, Any], rows: int) -> dict[str, Any]:
     declared = fit_declared(campaign.training, "zoh")
     samples = sum(record.rows for record in campaign.training)
     with metered():
-        outcome = search(declared, campaign, work=EFFORTS["normal"].search_of(samples))
+        outcome = search(declared, campaign, budget=Budget(EFFORTS["normal"].search_of(samples)))
     seconds = time.perf_counter() - began
     noise_sd = [measured.truth["noise"][name] for name in ("current_A", "speed_rad_s")]
     equations = {

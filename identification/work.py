@@ -105,18 +105,28 @@ class Budget:
 
     def __init__(self, count: float = np.inf, within: Budget | None = None) -> None:
         self._end = operations() + count
-        if within is not None:
-            self._end = min(self._end, within._end)
+        self._within = within
 
     @property
     def left(self) -> float:
         """Remaining operations; negative if more were spent."""
-        return self._end - operations()
+        own = self._end - operations()
+        return own if self._within is None else min(own, self._within.left)
 
     @property
     def spent(self) -> bool:
         """Whether no operations remain, or the stages were stopped."""
         return self.left < 0.0 or was_interrupted()
+
+    def extend(self, count: float) -> None:
+        """Move the end of this budget and of the enclosing ones.
+
+        Args:
+            count: Additional operations.
+        """
+        self._end += count
+        if self._within is not None:
+            self._within.extend(count)
 
     def longer(self, count: float) -> Budget:
         """New budget from now on, with `count` more operations left than this one."""

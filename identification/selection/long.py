@@ -52,10 +52,10 @@ def search_long(
     select = partial(search, withheld=withheld, policy=policy)
     part = representative_subset(campaign, declared, policy)
     if part is None:
-        return select(declared, campaign, progress, work)
+        return select(declared, campaign, progress, Budget(work))
     budget = Budget(work)
     segments, nominal = part
-    effort = policy.subset_budget * work
+    effort = Budget(policy.subset_budget * work, within=budget)
     found = select(nominal, segments, lambda done: tell(0.6 * done), effort, is_part=True)
     trials = Trials(campaign, budget, tried=max(len(found.searched), 1), policy=policy)
     whole, effects = _confirmed(declared, found, trials)
@@ -64,7 +64,7 @@ def search_long(
         complete = found.complete and not budget.spent
         return replace(found, fit=whole, effects=effects, complete=complete)
     begin = whole if effects else None
-    more = select(declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget.left, begin)
+    more = select(declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget, begin)
     return replace(more, searched=(*found.searched, *more.searched))
 
 

@@ -1,7 +1,8 @@
 """Forward selection of effects with backward elimination and exchange.
 
      1  M <- nominal model
-     2  repeat while the budget of the catalogue lasts, at most `rounds` times
+     2  repeat while the budget of the catalogue lasts, at most `rounds` times;
+            a round that accepts an effect is not charged to the budget
      3      predict the gain of every candidate given M (Rao score)       Trials.scores
      4      refit the candidates with the largest predicted gain          Trials.refits
      5      M <- the best that meets the acceptance criteria              steps.accept
@@ -13,7 +14,7 @@
     10      unless a candidate predicts more than the last effect did:
     11          remove effects that no longer meet the criteria           steps.backward
     12          replace effects by types that rank better                 steps.exchange
-    13  if exhausted and the residual has structure: repeat 3 to 7 from
+    13  if exhausted and the residual has structure: repeat 2 to 7 from
             the runner-up models of round 1, keep the better model        _restart
     14  M <- C if it ranks and predicts better; otherwise, if exhausted,
             M <- M with a curve that meets the criteria, then 11 and 12   _add_curve
@@ -31,8 +32,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
@@ -65,7 +64,7 @@ def search(
     declared: Fit,
     campaign: Campaign,
     progress: Callable[[float], None] | None = None,
-    work: float = np.inf,
+    budget: Budget | None = None,
     begin: Fit | None = None,
     withheld: Collection[str] = (),
     *,
@@ -78,16 +77,18 @@ def search(
         declared: Fit of the nominal model.
         campaign: Training and validation records.
         progress: Called with the completed fraction [-].
-        work: Operation budget; once it is spent, no new step starts.
+        budget: Operation budget, None for no limit; once it is spent, no new step starts.  Rounds
+            that accept an effect are not charged to it: it is extended by their operations.
         begin: Fit of the model from which the selection starts; the nominal model if None.
         withheld: Names of effect types that are not candidates.
         is_part: Whether the records are a subset, so that the model is refined later.
         policy: Limits of the search.
     """
     report = progress or (lambda fraction: None)
-    longest = policy.refit_budget * work
-    trials = Trials(campaign, Budget(work), longest, withheld=withheld, policy=policy)
-    listed = Budget(policy.catalogue_budget * work)
+    budget = budget or Budget()
+    listed = Budget(policy.catalogue_budget * budget.left)
+    longest = policy.refit_budget * budget.left
+    trials = Trials(campaign, budget, longest, withheld=withheld, policy=policy)
     nominal = trials.evaluate(declared)
     state = State(trials, nominal, nominal if begin is None else trials.evaluate(begin))
     is_exhausted = is_cut_short = is_postponed = False
@@ -97,21 +98,24 @@ def search(
             is_cut_short = has_predicted_gain(state)
             is_exhausted = not is_cut_short
             break
+        began = operations()
         if not forward(state):
             is_exhausted = True
             break
+        began = _refunded(began, listed, budget)
         enrich(state)
+        began = _refunded(began, listed, budget)
         if state.curve is None and _is_curve_due(state):
-            began = operations()
             _fit_curve(state)
             # A curve is not in the catalogue, so its cost is not charged to the catalogue's budget.
-            listed = listed.longer(operations() - began)
+            began = _refunded(began, listed)
         if state.curve is not None and _is_far_better(state, state.curve):
             break
         is_postponed = done > 0 and lacks_more(state)
         if done > 0 and not is_postponed:
             backward(state)
             exchange(state)
+            _refunded(began, listed, budget)
     if is_exhausted and is_postponed:
         backward(state)
         exchange(state)
@@ -121,6 +125,14 @@ def search(
     _add_curve(state, is_exhausted=is_exhausted)
     report((policy.rounds + 1) / (policy.rounds + 2))
     return _outcome(state, nominal, is_part, not (trials.over or is_cut_short))
+
+
+def _refunded(began: float, *budgets: Budget) -> float:
+    """Extend budgets by the operations since `began`; return the count of operations now."""
+    now = operations()
+    for budget in budgets:
+        budget.extend(now - began)
+    return now
 
 
 def _outcome(state: State, nominal: EvaluatedModel, is_part: bool, is_complete: bool) -> Outcome:
@@ -146,11 +158,13 @@ def _restart(state: State) -> None:
         if trials.over:
             return
         other = State(trials, state.nominal, runner_up, state.searched)
-        if forward(other):
+        for _ in range(trials.policy.rounds - 1):
+            if not forward(other):
+                break
             enrich(other)
-            if is_better(other.current, state.current):
-                state.current = other.current
-                backward(state)
+        if other.current is not runner_up and is_better(other.current, state.current):
+            state.current = other.current
+            backward(state)
 
 
 def _has_structure(state: State) -> bool:

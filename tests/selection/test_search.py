@@ -11,6 +11,7 @@ from identification.selection.outcome import Outcome
 from identification.selection.policy import SelectionPolicy
 from identification.selection.search import search
 from identification.selection.trials import Trials
+from identification.work import Budget
 from tests.effects.hidden import records_of_bench
 
 
@@ -66,7 +67,8 @@ def test_a_search_that_stops_before_a_round_is_not_complete() -> None:
     for requests in (hidden, []):
         measured = make_campaign("servo_150w", requests, 11, rows=500, training=3, validation=1)
         campaign = records_of_bench(measured)
-        outcome = search(fit_declared(campaign.training, "zoh"), campaign, work=1e13, policy=policy)
+        declared = fit_declared(campaign.training, "zoh")
+        outcome = search(declared, campaign, budget=Budget(1e13), policy=policy)
         assert not outcome.searched
         complete.append(outcome.complete)
 
