@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,7 @@ def simulation_of(
         InputError: The result lacks data that the simulation needs.
     """
     model, values = model_of(result, declared)
+    model = replace(model, terms=tuple(term.predicting for term in model.terms))
     before = _before(result, run)
     peaks = [_known(r, "hottest_degC", "a run of the result") for r in before]
     hottest = max((peak for peak in peaks if peak is not None), default=-np.inf)

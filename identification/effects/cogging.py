@@ -13,11 +13,11 @@ from identification.effects.orders import HIGHEST_ORDER
 from identification.effects.parameters import amplitude, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
-    AbstractTerm,
     AbstractTorque,
     Expression,
     Signals,
     State,
+    Tracked,
     Values,
 )
 
@@ -27,11 +27,11 @@ _USUAL: Final = 2
 _MOST: Final = 5
 """Number of harmonics at first, and the largest number."""
 
-_RETURNS: Final = (30.0, 10.0, 3.0, 1.0)
-"""Correction rates of the simulated angle in the continuation steps, times the record length."""
-
 _PINNED: Final = 1e-6
 """Prior standard deviation of the initial simulated angle, which is zero [rad]."""
+
+_TINY: Final = 1e-12
+"""Square of a phase that turns sin(x) / x into 1 to the last digit but one [rad^2]."""
 
 
 @register
@@ -47,24 +47,20 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
     constant states.
 
     An angle integrated from a noisy speed drifts from the true angle as a random walk, further in
-    longer records.  Once the order is known, the angle simulated by the model is more accurate.
+    longer records.  The drift is estimated from the torque itself (order tracking).
 
     Args:
         torque_size: Torque scale [N m].
         logged: Whether the angle is logged, from the same zero in all runs.
         harmonics: Number of multiples h of the order.
         angle: Source of phi: ``read`` from an encoder or ``integrated`` from the logged speed, as
-            in the record, or ``simulated`` as a state of the model.
-        duration: Duration of the longest record; zero if the angle is read [s].
-        recall: Rate at which a simulated angle is corrected towards the integrated one [1/s].
+            in the record, or ``simulated`` as a state of the model, for predictions.
     """
 
     torque_size: float
     logged: bool = True
     harmonics: int = 2
     angle: Literal["read", "integrated", "simulated"] = "read"
-    duration: float = 0.0
-    recall: float = 0.0
 
     name = "cogging_torque"
     equation = "mechanical"
@@ -83,23 +79,9 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
 
     @property
     def richer(self) -> tuple[CoggingTorque, ...]:
-        """Extended variants: a simulated instead of an integrated angle, and one more harmonic."""
-        forms = []
-        if self.angle == "integrated":
-            forms.append(replace(self, angle="simulated"))
-        if self.harmonics < _MOST:
-            forms.append(replace(self, harmonics=self.harmonics + 1))
-        return tuple(forms)
-
-    def leads(self, before: AbstractTerm) -> tuple[CoggingTorque, ...]:
-        """Continuation steps to a simulated angle, corrected ever less towards the integrated one.
-
-        Without correction, a fit whose simulated speed is slightly off would lose count of the
-        revolutions at once.
-        """
-        is_new = isinstance(before, CoggingTorque) and before.angle != self.angle
-        rates = [turns / self.duration for turns in _RETURNS] if is_new else []
-        return tuple(replace(self, recall=rate) for rate in rates)
+        """The extended variant with one more harmonic."""
+        more = replace(self, harmonics=self.harmonics + 1)
+        return (more,) if self.harmonics < _MOST else ()
 
     @property
     def _amplitudes(self) -> dict[str, str]:
@@ -135,27 +117,47 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
         turned = State("angle", "rad", scale=_PINNED)
         return (*amplitudes, turned) if self.angle == "simulated" else amplitudes
 
+    @property
+    def predicting(self) -> CoggingTorque:
+        """The law with a simulated angle in place of an integrated one."""
+        return replace(self, angle="simulated") if self.angle == "integrated" else self
+
+    @property
+    def tracked(self) -> Tracked | None:
+        """Order and amplitudes, if the angle is integrated from the speed."""
+        names = tuple(self._amplitudes)
+        waves = tuple(zip(names[::2], names[1::2], strict=True))
+        return Tracked("order", waves) if self.angle == "integrated" else None
+
     def expecting(self, size: float) -> CoggingTorque:
         """The term with this prior standard deviation of the per-record amplitudes [N m]."""
         return replace(self, torque_size=size)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Zero for the amplitudes; corrected speed for the simulated angle [rad/s]."""
+        """Zero for the amplitudes; the speed for the simulated angle [rad/s]."""
         still = super().rates(signals, states, values)
-        if self.angle != "simulated":
-            return still
-        return [*still[:-1], signals.speed + self.recall * (signals.angle - states.angle)]
+        return still if self.angle != "simulated" else [*still[:-1], signals.speed]
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque at the angle [N m]."""
+        """Torque at the angle, or its average over an integration step about it [N m].
+
+        The average of sin(h k phi) over a change of the angle by D is the value at its middle times
+        sin(x) / x, x = h k D / 2.  Without it, a shaft that turns by several periods in a sample
+        interval would need as many substeps.
+        """
         turned = states.angle if self.angle == "simulated" else signals.angle
         angle = values.order * turned
+        # The speed moves a simulated angle within the step, so the state shows no average.
+        turn = None if self.angle == "simulated" else signals.turn
         once, along = ca.sin(angle), ca.cos(angle)
         own = values if self.logged else states
-        sine, cosine, torque = once, along, own.sine * once + own.cosine * along
-        for h in range(2, self.harmonics + 1):
-            sine, cosine = sine * along + cosine * once, cosine * along - sine * once
-            torque += getattr(own, f"sine_{h}") * sine + getattr(own, f"cosine_{h}") * cosine
+        sine, cosine, torque = once, along, ca.SX(0)
+        for h in range(1, self.harmonics + 1):
+            if h > 1:
+                sine, cosine = sine * along + cosine * once, cosine * along - sine * once
+            a, b = ("sine", "cosine") if h == 1 else (f"sine_{h}", f"cosine_{h}")
+            wave = getattr(own, a) * sine + getattr(own, b) * cosine
+            torque += wave if turn is None else wave * _averaging(0.5 * h * values.order * turn)
         return torque
 
     @classmethod
@@ -175,7 +177,13 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
             for phase in ((size, 0.0), (0.0, size))
         ]
         scanned = cls(scales.torque, logged=True)
-        fitted = [cls(scales.torque, False, angle="integrated", duration=scales.duration)]
+        fitted = [cls(scales.torque, False, angle="integrated")]
         if scales.angle_logged:
             fitted = [scanned, cls(scales.torque, False)]
         return [Candidate(scanned, columns(*starts), joint=2, fitted=form) for form in fitted]
+
+
+def _averaging(x: Expression) -> Expression:
+    """sin(x) / x, also at zero."""
+    size = ca.sqrt(x * x + _TINY)
+    return ca.sin(size) / size

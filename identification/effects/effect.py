@@ -157,14 +157,6 @@ class AbstractEffect(AbstractTerm):
         """Extended variants, tried in turn once this term has been accepted; often none."""
         return ()
 
-    def leads(self, before: AbstractEffect) -> tuple[AbstractEffect, ...]:
-        """Continuation steps from a simpler variant to this one; none for most terms.
-
-        Args:
-            before: The simpler variant.
-        """
-        return ()
-
     def flaw(self, values: Mapping[str, float]) -> str:
         """Reason why these values contradict the effect, in words; empty if they do not.
 

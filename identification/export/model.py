@@ -78,7 +78,14 @@ class ExportModel(MotorModel):
         """States of the motor, and the shaft angle."""
         return (*self.motor.state_names, "angle")
 
-    def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
+    def rates(
+        self,
+        state: Expression,
+        inputs: Expression,
+        parameter: Expression,
+        *,
+        is_averaged: bool = False,  # noqa: ARG002  the angle is a state, so no input has its change
+    ) -> Expression:
         """Right-hand side (n_state,) of the motor and of the shaft angle."""
         own, driven = self._driven(state, inputs, parameter)
         return ca.vertcat(self.motor.rates(own, driven, parameter), own[1])

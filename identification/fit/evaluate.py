@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.initial import fitted_initial_states
+from identification.fit.initial import fitted_initial_states, improved_initial_states
+from identification.fit.order_tracking import tracked
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_own_temperatures
 from identification.model.excitation import Record
@@ -17,6 +19,9 @@ from identification.model.simulate import Simulator
 __all__ = ["Simulated", "simulate_fitted", "simulate_unseen"]
 
 Array = NDArray[np.float64]
+
+_TRACKED: Final = 2
+"""Alternations between the angles and the initial states, which depend on each other."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,8 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
     simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
     deviation = fit.weighting.deviation
     states = fitted_initial_states(simulator, fit.values, deviation, whole=whole)
+    if whole:
+        simulator, states = _tracked(simulator, fit.values, states, deviation)
     if fit.simulator.substeps is not None:
         simulator = simulator.accurate(fit.values, states, deviation)
     logged = simulator.logged(fit.values[:, None], states)
@@ -72,3 +79,16 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
         Simulated(record, y[:, :, 0], initial)
         for record, y, initial in zip(simulator.records, logged, states, strict=True)
     ]
+
+
+def _tracked(
+    simulator: Simulator, values: Array, states: tuple[Array, ...], deviation: Array
+) -> tuple[Simulator, tuple[Array, ...]]:
+    """Simulator with tracked angles, and the initial states at them."""
+    if not any(term.tracked for term in simulator.model.terms):
+        return simulator, states
+    simulator = simulator.roughly_accurate(values, states, deviation)
+    for _ in range(_TRACKED):
+        simulator, begun = tracked(simulator, values, states, deviation)
+        states = improved_initial_states(simulator, values, deviation, begun)
+    return simulator, states

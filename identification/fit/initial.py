@@ -10,6 +10,7 @@ the temperature of a run without a log.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -25,7 +26,7 @@ from identification.model.tangent import tangent_blocks
 from identification.model.term import AbstractTemperature
 from identification.model.weighting import Weighting
 
-__all__ = ["fitted_initial_states"]
+__all__ = ["fitted_initial_states", "improved_initial_states"]
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,20 @@ def fitted_initial_states(
     for share in _shares(simulator.model, whole):
         states = _fitted_to_heads(simulator, values, deviation, share, states)
     return states
+
+
+def improved_initial_states(
+    simulator: Simulator, values: Array, deviation: Array, states: Sequence[Array]
+) -> tuple[Array, ...]:
+    """Initial state of every record, fitted to the whole record from a close start.
+
+    Args:
+        simulator: Model and records.
+        values: (n_parameter,) physical values.
+        deviation: (2,) noise of current and speed [A, rad/s].
+        states: For each record (n_state,) start.
+    """
+    return _fitted_to_heads(simulator, values, deviation, 1.0, tuple(states))
 
 
 def _shares(model: MotorModel, whole: bool) -> tuple[float, ...]:

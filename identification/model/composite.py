@@ -54,11 +54,13 @@ INPUTS: Final = (
     "substep",
     "substeps",
     "temperature_rate",
+    "turn",
 )
 """Inputs of one sample interval, in the column order of `Record.inputs`.
 
-A sample interval may be integrated in several equal substeps (`substeps.py`): `substep` is
-the index from zero, `substeps` the number."""
+`turn` is the change of the angle over the integration step.  A sample interval may be integrated
+in several equal substeps (`substeps.py`): `substep` is the index from zero, `substeps` the number.
+"""
 
 
 @dataclass(frozen=True)
@@ -148,29 +150,45 @@ class MotorModel:
         state = ca.SX.sym("x", len(self.state_names) + history)
         return state, ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(self.parameters))
 
-    def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
+    def rates(
+        self,
+        state: Expression,
+        inputs: Expression,
+        parameter: Expression,
+        *,
+        is_averaged: bool = False,
+    ) -> Expression:
         """Right-hand side dx/dt of the state equations.
 
         Args:
             state: (n_state,) symbols.
             inputs: (n_input,) symbols in the order of `INPUTS`.
             parameter: (n_parameter,) symbols.
+            is_averaged: Whether torques periodic in the angle are averages over the integration
+                step, in which the angle changes by `turn`.
 
         Returns:
             (n_state,) time derivatives.
         """
-        return self._equations(state, inputs, parameter)[0]
+        return self._equations(state, inputs, parameter, is_averaged=is_averaged)[0]
 
     def logged(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
         """Sensor readings of current and speed before averaging and delay, (2,) [A, rad/s]."""
         return self._equations(state, inputs, parameter)[1]
 
     def _equations(
-        self, state: Expression, inputs: Expression, parameter: Expression
+        self,
+        state: Expression,
+        inputs: Expression,
+        parameter: Expression,
+        *,
+        is_averaged: bool = False,
     ) -> tuple[Expression, Expression]:
         values, own_values = self._values(parameter)
         own_states = self._own_states(state)
         signals = self._signals(state, inputs, parameter)
+        if is_averaged:
+            signals = replace(signals, turn=inputs[INPUTS.index("turn")])
         parts = list(zip(self.terms, own_states, own_values, strict=True))
 
         voltage = signals.voltage

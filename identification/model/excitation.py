@@ -53,6 +53,7 @@ class Record:
             temperature input is then a ramp by `RAMP` around this value.
         whole: (n_sample, 2) weights before `within` removed the edges; None if it removed none.
         resolution: Quantisation step of the logged temperature, zero if noise dithers it [K].
+        raw_angle: (n_sample,) angle before `with_angle` corrected it; None if it did not [rad].
     """
 
     run: int
@@ -66,6 +67,7 @@ class Record:
     expected: float | None = None
     whole: Array | None = None
     resolution: float = 0.0
+    raw_angle: Array | None = None
 
     @property
     def rows(self) -> int:
@@ -108,7 +110,20 @@ class Record:
             measured=self.measured[span],
             weight=self.weight[span],
             whole=None if self.whole is None else self.whole[span],
+            raw_angle=None if self.raw_angle is None else self.raw_angle[span],
         )
+
+    @property
+    def integrated(self) -> Array:
+        """(n_sample,) angle before any correction, logged or integrated from the speed [rad]."""
+        return self.column("angle") if self.raw_angle is None else self.raw_angle
+
+    def with_angle(self, angle: Array) -> Record:
+        """The record with another angle, (n_sample,) [rad]."""
+        inputs = self.inputs.copy()
+        for name, column in _angle_columns(angle).items():
+            inputs[:, INPUTS.index(name)] = column
+        return replace(self, inputs=inputs, raw_angle=self.integrated.copy())
 
     def within(self, edges: tuple[tuple[int, int], tuple[int, int]]) -> Record:
         """Remove the weight of the edge samples and scale up the other weights to the same sum.
@@ -196,8 +211,7 @@ def _record(
         "voltage_next": following(run.voltage[span]),
         "temperature": temperature[span],
         "temperature_next": following(temperature[span]),
-        "angle": angle,
-        "angle_next": following(angle),
+        **_angle_columns(angle),
         "time": time,
         "run": np.full(time.size, float(number)),
         "peak_temperature": highest[span],
@@ -217,6 +231,15 @@ def _record(
         measured=np.column_stack([run.current[span], speed]), weight=weight,
         angle_logged=run.position is not None,
     )  # fmt: skip
+
+
+def _angle_columns(angle: Array) -> dict[str, Array]:
+    """Inputs that depend on the angle (n_sample,) [rad]."""
+    return {
+        "angle": angle,
+        "angle_next": np.append(angle[1:], angle[-1]),
+        "turn": np.append(np.diff(angle), 0.0),
+    }
 
 
 def smooth_temperature(run: Run) -> Array:

@@ -89,7 +89,7 @@ def advance(
     n = state.numel()
     state = ca.vertcat(state, *[0] * len(integrated))
     x, u, p = model.symbols(len(integrated))
-    rates = model.rates(x[:n], u, p)
+    rates = model.rates(x[:n], u, p, is_averaged=True)
     if integrated:
         logged = model.logged(x[:n], u, p)
         rates = ca.vertcat(rates, *[logged[channel] for channel in integrated])
@@ -115,7 +115,7 @@ def advance(
 
 def _is_curved(rates: Expression, state: Expression, inputs: Expression) -> bool:
     """Whether the rates are nonlinear in the state or in inputs that vary within an interval."""
-    moving = [inputs[k] for k, name in enumerate(INPUTS) if name in ("voltage", "angle", "time")]
+    moving = [inputs[k] for k, name in enumerate(INPUTS) if name in ("voltage", "time")]
     moved = ca.vertcat(state, *moving)
     return bool(ca.depends_on(ca.jacobian(rates, moved), moved))
 
@@ -131,12 +131,13 @@ def _inputs_within(model: MotorModel, inputs: Expression) -> tuple[Expression, E
     now, slope = [], []
     for name in INPUTS:
         change = column.get(f"{name}_next", column[name]) - column[name]
-        if name == "temperature":
-            # Held at its mid-interval value.  A linear change would enter through df/dt alone and
-            # leave A at the start temperature, a first-order error in the heating.
+        if name in ("temperature", "angle"):
+            # Held at its mid-interval value.  A linear change would enter through df/dt alone: A
+            # would keep the start temperature, a first-order error in the heating, and a torque
+            # with several periods in the interval would have a huge derivative.
             now.append(column[name] + 0.5 * change)
             slope.append(ca.SX(0))
-        elif name in ("voltage", "angle") and not (name == "voltage" and model.held == "zoh"):
+        elif name == "voltage" and model.held == "foh":
             now.append(column[name])
             slope.append(change * inverse)
         else:

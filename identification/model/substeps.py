@@ -84,6 +84,7 @@ def divided(inputs: Array, counts: Counts, hold: Hold) -> Array:
         change = rows[:, column[f"{name}_next"]] - start
         rows[:, column[name]] = start + change * index / number
         rows[:, column[f"{name}_next"]] = start + change * (index + 1) / number
+    rows[:, column["turn"]] /= number
     rows[:, column["substep"]] = index
     rows[:, column["substeps"]] = number
     return rows
@@ -112,7 +113,7 @@ def _halves(inputs: Expression, hold: Hold) -> tuple[Expression, Expression]:
             row[name] = start + (end - start) * half / 2
             row[f"{name}_next"] = start + (end - start) * (half + 1) / 2
         row["time"] = row["time"] + whole * half / 2
-        row["interval"] = whole / 2
+        row["interval"], row["turn"] = whole / 2, row["turn"] / 2
         found.append(ca.vertcat(*[row[name] for name in INPUTS]))
     return found[0], found[1]
 

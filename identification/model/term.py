@@ -103,6 +103,8 @@ class Signals:
         temperature_rate: Time derivative of the logged temperature, smoothed [K/s].
         winding_temperature: Effective temperature of the winding [degC].
         magnet_temperature: Effective temperature of the magnet [degC].
+        turn: Change of the angle over an integration step, for torques that are averages over it;
+            None for instantaneous ones [rad].
     """
 
     current: Expression
@@ -116,6 +118,20 @@ class Signals:
     temperature_rate: Expression = None
     winding_temperature: Expression = None
     magnet_temperature: Expression = None
+    turn: Expression = None
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """Names within a term whose integrated angle drifts; see `fit/order_tracking.py`.
+
+    Args:
+        order: Parameter with the number of periods per revolution.
+        waves: States with the sine and cosine amplitudes of the harmonics 1, 2, ...
+    """
+
+    order: str
+    waves: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -142,6 +158,16 @@ class AbstractTerm(ABC):
     def states(self) -> tuple[State, ...]:
         """States of the term; most terms have none."""
         return ()
+
+    @property
+    def tracked(self) -> Tracked | None:
+        """Names that order tracking needs, if the term depends on an integrated angle."""
+        return None
+
+    @property
+    def predicting(self) -> AbstractTerm:
+        """The term in a prediction, for which current and speed are not known beforehand."""
+        return self
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Time derivative of each state of this term, zero by default [unit of the state / s]."""

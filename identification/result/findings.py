@@ -82,7 +82,11 @@ class Findings:
         return {
             stage: {
                 "training": simulate_fitted(fit),
-                "validation": simulate_unseen(fit, self.campaign.validation),
+                "validation": simulate_unseen(
+                    fit,
+                    self.campaign.validation,
+                    whole=any(term.tracked for term in fit.simulator.model.terms),
+                ),
             }
             for stage, fit in (("before", self.declared), ("after", self.final))
         }

@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
+from identification.fit.order_tracking import path_size
 from identification.fit.solve import Fit
 from identification.linear import least_squares
 from identification.selection.policy import DEFAULT, SelectionPolicy
@@ -184,6 +185,7 @@ class EvaluatedModel:
         """
         more = self.fit.position.size - simpler.fit.position.size
         more += _lasting(self.fit) - _lasting(simpler.fit)
+        more += _phases(self.fit) - _phases(simpler.fit)
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.fraction, 2.0)
         terms = effects_of(self.fit.simulator.model.terms)
@@ -249,7 +251,7 @@ class EvaluatedModel:
         if not self.is_computed:
             return float("inf")
         samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
-        size = _determined(self.fit) + _lasting(self.fit)
+        size = _determined(self.fit) + _lasting(self.fit) + _phases(self.fit)
         chance = _BY_CHANCE * _fading(self.fit)
         penalty = 0.5 * size * float(np.log(samples))
         return fraction * (self.fit.cost + self._predictive()) + penalty + chance
@@ -278,6 +280,14 @@ def _lasting(fit: Fit) -> int:
     """
     states = [state for term in fit.simulator.model.terms for state in term.states]
     return len(fit.states) * sum(not state.fades for state in states)
+
+
+def _phases(fit: Fit) -> int:
+    """Number of phases, over all records, that order tracking has estimated in its blocks.
+
+    The smoothed path has fewer degrees of freedom, so this count favours the model without.
+    """
+    return path_size(fit.simulator, fit.values, fit.weighting.deviation)
 
 
 def _fading(fit: Fit) -> int:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractForced, Candidate
 from identification.fit.derivatives import gradient_of
+from identification.fit.order_tracking import block_edges
 from identification.fit.solve import Fit
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
@@ -153,6 +154,8 @@ def _scores(residual: Residual, candidate: Candidate, deviations: list[Array]) -
         return _scores_by_run(residual, candidate, deviations)
     if candidate.by_record and candidate.lanes == 1:
         return _score_of_each_record(residual, candidate, deviations)
+    if candidate.by_record and candidate.final.tracked:
+        return _scores_in_blocks(residual, candidate, deviations)
     if candidate.by_record:
         return _scores_by_record(residual, candidate, deviations)
     compared = [deviation[:: residual.stride] for deviation in deviations]
@@ -215,6 +218,37 @@ def _scores_from(candidate: Candidate, projection: Projection) -> list[Score]:
             start, weights = sized(candidate, first, weights)
             along = joint.along.by(weights)
             scores.append(Score(candidate, start, gain, joint.covariance(), (), along))
+    return scores
+
+
+def _scores_in_blocks(
+    residual: Residual, candidate: Candidate, deviations: Sequence[Array]
+) -> list[Score]:
+    """Scores of starts with a phase that drifts: amplitudes are free in blocks of each record.
+
+    The initial amplitudes of a record are those of its most informative block.
+    """
+    group, count = candidate.joint, len(candidate.final.parameters)
+    deviation, records = residual.fit.weighting.deviation, residual.fit.simulator.records
+    scores = []
+    for first in range(0, candidate.lanes, group):
+        span = slice(first, first + group)
+        order, total, own = float(candidate.starts[0, first]), 0.0, []
+        for record, part, series in zip(records, deviations, residual.series, strict=True):
+            edges = block_edges(record, order, float(deviation[1]))
+            scaled = part[:, :, span] / deviation[:, None]
+            weighted = scaled * record.weight[:, :, None]
+            square = np.einsum("nci,ncj->nij", weighted, scaled)
+            right = np.einsum("nci,nc->ni", weighted, series / deviation)
+            blocks = [np.add.reduceat(x, edges[:-1]) for x in (square, right)]
+            found = [gain_of(a, b) for a, b in zip(*blocks, strict=True)]
+            penalty = 0.5 * group * (len(found) - 1) * np.log(record.rows / len(found))
+            total += float(np.nansum([gain for gain, _ in found])) - penalty
+            best = int(np.argmax(np.trace(blocks[0], axis1=1, axis2=2)))
+            own.append(candidate.starts[count:, span] @ found[best][1])
+        if np.isfinite(total) and all(np.isfinite(each).all() for each in own):
+            start = candidate.starts[:count, first].copy()
+            scores.append(Score(candidate, start, total, None, tuple(own)))
     return scores
 
 

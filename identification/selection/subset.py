@@ -27,6 +27,7 @@ from identification.effort import PART_ROWS
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.initial import fitted_initial_states
+from identification.fit.order_tracking import retracked, tracked
 from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
@@ -107,8 +108,11 @@ def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | N
     deviation = fit.weighting.deviation
     states = fitted_initial_states(simulator, values, deviation, whole=own)
     simulator = simulator.accurate(values, states, deviation)
+    simulator, states = tracked(simulator, values, states, deviation)
     weighting = replace(Weighting.white(simulator.records), deviation=deviation)
-    return solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
+    return retracked(
+        solve(simulator, fit.coordinates, fit.position, states, weighting, limits), limits
+    )
 
 
 def _segments(

@@ -137,19 +137,12 @@ class Trials:
         return known
 
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
-        """Model with a term replaced by an extended variant, fitted over continuation steps."""
+        """Model with a term replaced by an extended variant."""
         kept = {name for name in _key(current.fit) if name[0] != term.name}
         known = self._evaluated.get(frozenset(kept | {_name(term)}))
         if known is None:
-            fit, abandon_cost = current.fit, current.fit.cost + self.policy.abandon_slack
-            (before,) = [
-                own for own in effects_of(fit.simulator.model.terms) if own.name == term.name
-            ]
-            for form in (*term.leads(before), term):
-                led = refitted_as(fit, form, self.limits(abandon_cost, self.longest))
-                if led.cost > fit.cost and fit is not current.fit:
-                    break
-                fit = led
+            abandon_cost = current.fit.cost + self.policy.abandon_slack
+            fit = refitted_as(current.fit, term, self.limits(abandon_cost, self.longest))
             fit = self.finished(fit) if fit.cost < abandon_cost else fit
             known = self.evaluate(fit, current.fraction)
         return known

@@ -88,7 +88,14 @@ class ClosedLoop(MotorModel):
         """Voltage impulse of the controller for a reference step of 1 rad/s [V s^2/rad]."""
         return self._realisation.kick
 
-    def rates(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
+    def rates(
+        self,
+        state: Expression,
+        inputs: Expression,
+        parameter: Expression,
+        *,
+        is_averaged: bool = False,  # noqa: ARG002  the angle is a state, so no input has its change
+    ) -> Expression:
         """Right-hand side (n_state,) of motor, controller and shaft angle."""
         own, driven = self._driven(state, inputs, parameter)
         rates = [self.motor.rates(own, driven, parameter)]

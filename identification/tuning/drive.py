@@ -187,7 +187,8 @@ def _step(model: MotorModel, plan: StepPlan, wait: int) -> ca.Function:
     applied = ca.if_else(applies, queue[-1], memory[3])
     rows = [inputs[k] for k in range(len(INPUTS))]
     rows[_INDEX["angle"]] = angle
-    rows[_INDEX["angle_next"]] = angle + rows[0] * state[1]
+    rows[_INDEX["turn"]] = rows[0] * state[1]
+    rows[_INDEX["angle_next"]] = angle + rows[_INDEX["turn"]]
     voltage = _chopped(model, state, (rows, applied), motor_values, (highest, largest))
     rows[_INDEX["voltage"]] = rows[_INDEX["voltage_next"]] = voltage
     driven = ca.vertcat(*rows)

@@ -181,7 +181,7 @@ def test_an_effect_of_no_size_leaves_the_declared_equations_as_they_are(name: st
         if parameter.search == "linear":
             start[row] = 0.0
             break
-    inputs = [1e-3, 10.0, 12.0, 60.0, 61.0, 0.3, 0.4, 0.1, 0.0, 70.0, 0.0, 1.0, 2.0]
+    inputs = [1e-3, 10.0, 12.0, 60.0, 61.0, 0.3, 0.4, 0.1, 0.0, 70.0, 0.0, 1.0, 2.0, 0.1]
 
     found = both([2.0, 50.0], inputs, np.concatenate([VALUES, start]))
 

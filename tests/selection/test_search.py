@@ -78,7 +78,8 @@ def test_a_search_that_stops_before_a_round_is_not_complete() -> None:
 def test_a_third_harmonic_of_cogging_is_part_of_the_cogging() -> None:
     """Orders 1, 2 and 3 of the slots are one kind; without the third nothing would fit.
 
-    The angle is not logged, and the integral of the noisy speed alone leaves 1.4 times the noise.
+    The angle is not logged, and the integral of the noisy speed alone, without order tracking,
+    leaves 1.4 times the noise.
     """
     measured = make_campaign(
         "servo_150w",
@@ -95,7 +96,7 @@ def test_a_third_harmonic_of_cogging_is_part_of_the_cogging() -> None:
     assert [found.name for found in outcome.effects] == ["cogging_torque"]
     (term,) = outcome.fit.simulator.model.terms
     assert isinstance(term, CoggingTorque)
-    assert (term.harmonics, term.angle) == (3, "simulated")
+    assert (term.harmonics, term.angle) == (3, "integrated")
     noise = [measured.truth["noise"][name] for name in ("current_A", "speed_rad_s")]
     assert outcome.fit.weighting.deviation == pytest.approx(noise, rel=0.02)
 

@@ -1,0 +1,332 @@
+"""Order tracking: drift of an angle that is integrated from the logged speed.
+
+The integral of white noise of the speed is a Wiener process, so the integrated angle phi drifts
+from the true angle by delta, with increments of variance
+
+    var(delta(t + d) - delta(t)) = sigma_w^2 h d,                           [rad^2]
+
+where sigma_w is the noise of the speed and h the sample interval.  A torque of order k turns the
+drift into a phase error k delta.  After a few seconds it exceeds a period and the torque vanishes
+from the average over the record, although it is large in each part of it.
+
+The torque itself shows the drift.  In blocks so short that the phase error within one is small, its
+two amplitudes follow from linear least squares with the simulated responses to a sine and a cosine.
+The argument of the two amplitudes is the phase error of the block, with a variance that
+depends on the speed: a fast shaft hardly shows the torque.  The phases are unwrapped outwards from
+the most accurate block and smoothed with the random walk as prior.  The angle of the record is
+corrected by the result.
+
+Source: Vold and Leuridan, SAE paper 931288 (1993) (order tracking as estimation of a slowly varying
+complex amplitude); Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+Navigation, Wiley (2001), section 8.6 (smoothing).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from identification.fit.solve import Fit, TerminationLimits, solve
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator
+from identification.model.term import AbstractTerm
+
+__all__ = ["block_edges", "path_size", "retracked", "tracked"]
+
+Array = NDArray[np.float64]
+
+_COARSE: Final = 0.5
+"""Variance of the phase error within a block whose phase is unknown [rad^2]."""
+_FINE: Final = 0.02
+"""The same once the phase is known up to small errors [rad^2]."""
+_NEGLIGIBLE: Final = 0.02
+"""Variance of the phase error over a record below which the angle is not corrected [rad^2]; it
+lowers an average amplitude by half a per cent."""
+_ENOUGH: Final = 1e-4
+"""Gain per sample below which another correction of the angles is not worth its fit [log
+likelihood]: the residual changes by a ten-thousandth."""
+_STEP: Final = 0.01
+"""Step of the finite differences, relative to the scale of the torque or one radian [-]."""
+_FEWEST: Final = 10
+"""Samples of a block at least."""
+_PASSES: Final = 3
+"""Corrections of the angle; the phase errors of a pass are those that the previous one left."""
+
+
+def tracked(
+    simulator: Simulator, values: Array, states: Sequence[Array], deviation: Array
+) -> tuple[Simulator, tuple[Array, ...]]:
+    """Simulator with corrected angles, and initial states with the amplitudes at these angles.
+
+    Args:
+        simulator: Model and records.
+        values: (n_parameter,) physical values.
+        states: For each record (n_state,) initial state.
+        deviation: (2,) noise of current and speed [A, rad/s].
+
+    Returns:
+        Both are unchanged if no term of the model depends on an integrated angle.
+    """
+    term = _tracked_term(simulator)
+    found = [state.copy() for state in states]
+    if term is None or term.tracked is None or not np.all(deviation > 0):
+        return simulator, tuple(found)
+    order = _order(simulator, term, values)
+    places = {name: k for k, name in enumerate(simulator.model.state_names)}
+    waves = [[places[f"{term.name}.{name}"] for name in pair] for pair in term.tracked.waves]
+    size = next(s.scale for s in term.states if s.name == term.tracked.waves[0][0])
+    for _ in range(_PASSES):
+        before = simulator.records
+        moves = [_moves(state, waves, size) for state in found]
+        lanes = [np.column_stack([s, s[:, None] + m]) for s, m in zip(found, moves, strict=True)]
+        logged = simulator.logged(np.repeat(values[:, None], lanes[0].shape[1], axis=1), lanes)
+        records = list(before)
+        for k, record in enumerate(records):
+            track = _Track(order, order**2 * deviation[1] ** 2 * _interval(record), len(waves))
+            if record.angle_logged or track.walk * _duration(record) < _NEGLIGIBLE:
+                continue
+            series = _Series(
+                (record.measured - logged[k][:, :, 0]) / deviation,
+                (logged[k][:, :, 1:] - logged[k][:, :, :1]) / (_STEP * deviation[:, None]),
+                record.weight,
+            )
+            if not series.is_finite:
+                continue
+            if record.raw_angle is None:
+                path, found[k][waves[0]] = _acquired(
+                    record, series, found[k][waves[0]], size, track
+                )
+            else:
+                path = _improved(record, series, track)
+            records[k] = record.with_angle(record.integrated + path / order)
+        if all(a is b for a, b in zip(records, before, strict=True)):
+            break
+        simulator = replace(simulator, records=tuple(records))
+    return simulator, tuple(found)
+
+
+def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+    """The fit with the angles tracked at its optimum, or the fit itself if that is no better.
+
+    Args:
+        fit: The fit.
+        limits: Termination limits.
+    """
+    for _ in range(_PASSES):
+        simulator, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
+        if simulator is fit.simulator:
+            break
+        weighting = replace(fit.weighting, records=simulator.records)
+        other = solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
+        if not other.cost < fit.cost - _ENOUGH * float(fit.weighting.counts.sum()):
+            break
+        fit = other
+    return fit
+
+
+def block_edges(record: Record, order: float, speed_noise: float) -> NDArray[np.int64]:
+    """Edges of blocks in which the phase of an order drifts little, (n_block + 1,).
+
+    Args:
+        record: The record.
+        order: Periods per revolution [-].
+        speed_noise: Standard deviation of the noise of the speed [rad/s].
+    """
+    return _edges(record, order**2 * speed_noise**2 * _interval(record), _COARSE)
+
+
+def path_size(simulator: Simulator, values: Array, deviation: Array) -> int:
+    """Number of phases, beyond one a record, that tracking estimates in coarse blocks.
+
+    Args:
+        simulator: Model and records.
+        values: (n_parameter,) physical values.
+        deviation: (2,) noise of current and speed [A, rad/s].
+    """
+    term = _tracked_term(simulator)
+    if term is None:
+        return 0
+    order = _order(simulator, term, values)
+    corrected = [record for record in simulator.records if record.raw_angle is not None]
+    return sum(block_edges(record, order, float(deviation[1])).size - 2 for record in corrected)
+
+
+def _tracked_term(simulator: Simulator) -> AbstractTerm | None:
+    return next((term for term in simulator.model.terms if term.tracked), None)
+
+
+def _order(simulator: Simulator, term: AbstractTerm, values: Array) -> float:
+    assert term.tracked is not None
+    names = [parameter.name for parameter in simulator.model.parameters]
+    return float(values[names.index(f"{term.name}.{term.tracked.order}")])
+
+
+def _edges(record: Record, walk: float, variance: float) -> NDArray[np.int64]:
+    """Edges of blocks in which the phase error grows by at most `variance` [rad^2]."""
+    blocks = int(min(walk * _duration(record) / variance, record.rows / _FEWEST)) + 1
+    return np.linspace(0, record.rows, blocks + 1).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class _Track:
+    """Order [-], variance of its phase error per time [rad^2/s], and number of harmonics."""
+
+    order: float
+    walk: float
+    harmonics: int
+
+
+@dataclass(frozen=True)
+class _Series:
+    """Residual and responses of one record, in standard deviations of the noise.
+
+    Args:
+        residual: (n_sample, 2).
+        responses: (n_sample, 2, 3) to a change of the sine and of the cosine by their scale, and to
+            a change of the phase by one radian.
+        weight: (n_sample, 2) sample weights.
+    """
+
+    residual: Array
+    responses: Array
+    weight: Array
+
+    @property
+    def is_finite(self) -> bool:
+        return bool(np.isfinite(self.residual).all() and np.isfinite(self.responses).all())
+
+    def blocks(self, edges: NDArray[np.int64], lanes: slice) -> tuple[Array, Array]:
+        """For each block the normal matrix and the right-hand side of some responses."""
+        responses = self.responses[:, :, lanes]
+        weighted = responses * self.weight[:, :, None]
+        matrix = np.einsum("nci,ncj->nij", weighted, responses)
+        right = np.einsum("nci,nc->ni", weighted, self.residual)
+        return np.add.reduceat(matrix, edges[:-1]), np.add.reduceat(right, edges[:-1])
+
+
+def _acquired(
+    record: Record, series: _Series, amplitudes: Array, size: float, track: _Track
+) -> tuple[Array, Array]:
+    """First path of a record, from the phases of coarse blocks, and the amplitudes at it.
+
+    Args:
+        record: The record, its angle not yet corrected.
+        series: Its residual and responses.
+        amplitudes: (2,) present amplitudes of sine and cosine [N m].
+        size: Their scale [N m].
+        track: Order and drift.
+
+    Returns:
+        Phase correction (n_sample,) [rad], and (2,) amplitudes [N m].
+    """
+    edges = _edges(record, track.walk, _COARSE)
+    matrix, right = series.blocks(edges, slice(2))
+    information = np.maximum(0.5 * np.trace(matrix, axis1=1, axis2=2), 1e-300)
+    ridge = 1e-9 * information[:, None, None] * np.eye(2)
+    steps = np.linalg.solve(matrix + ridge, right[:, :, None])[:, :, 0]
+    found = amplitudes / size + steps
+    square = _mean_square(found, matrix, information)
+    # A block in which the noise exceeds the amplitude shows no phase.
+    precision = np.where(square * information > 1.0, square * information, 0.0)
+    if not precision.any():
+        return np.zeros(record.rows), amplitudes
+    time = _middles(record, edges)
+    phases = _unwrapped(np.arctan2(found[:, 1], found[:, 0]), precision, time, track.walk)
+    path = _smoothed(phases, precision, time, track.walk)
+    mean = float(np.average(path, weights=precision))
+    turned = size * np.sqrt(square) * np.array([np.cos(mean), np.sin(mean)])
+    return np.asarray(np.interp(record.time, time, path - mean)), turned
+
+
+def _improved(record: Record, series: _Series, track: _Track) -> Array:
+    """Path (n_sample,) after a Gauss-Newton step from the present one, with fine blocks [rad].
+
+    Args:
+        record: The record, its angle already corrected.
+        series: Its residual and responses.
+        track: Order and drift.
+    """
+    edges = _edges(record, track.walk * track.harmonics**2, _FINE)
+    matrix, right = series.blocks(edges, slice(2, 3))
+    precision = matrix[:, 0, 0]
+    step = np.divide(right[:, 0], precision, out=np.zeros(precision.size), where=precision > 0)
+    time = _middles(record, edges)
+    present = track.order * (record.column("angle") - record.integrated)
+    if not precision.any():
+        return present
+    path = _smoothed(np.interp(time, record.time, present) + step, precision, time, track.walk)
+    return np.asarray(np.interp(record.time, time, path))
+
+
+def _middles(record: Record, edges: NDArray[np.int64]) -> Array:
+    """Times in the middle of blocks [s]."""
+    middle = 0.5 * (edges[:-1] + edges[1:] - 1)
+    return np.asarray(np.interp(middle, np.arange(record.rows), record.time))
+
+
+def _mean_square(found: Array, matrix: Array, information: Array) -> float:
+    """Mean square of the amplitude over the blocks, without what noise adds [N^2 m^2].
+
+    Two amplitudes fitted to noise have an expected quadratic form of 2.
+    """
+    forms = np.einsum("bi,bij,bj->b", found, matrix, found)
+    return max(float(np.sum(forms - 2.0) / np.sum(information)), 1e-300)
+
+
+def _unwrapped(phases: Array, precision: Array, time: Array, walk: float) -> Array:
+    """Phases (n_block,) with whole turns added, outwards from the most accurate block [rad].
+
+    A Kalman filter of the random walk predicts each phase from its predecessors.
+    """
+    whole = phases.copy()
+    first = int(np.argmax(precision))
+    for sequence in (range(first + 1, phases.size), range(first - 1, -1, -1)):
+        mean, variance, at = whole[first], 1.0 / precision[first], time[first]
+        for k in sequence:
+            variance += walk * abs(time[k] - at)
+            at = time[k]
+            whole[k] = mean + (phases[k] - mean + np.pi) % (2 * np.pi) - np.pi
+            if precision[k] > 0:
+                gain = variance / (variance + 1.0 / precision[k])
+                mean += gain * (whole[k] - mean)
+                variance *= 1.0 - gain
+    return whole
+
+
+def _smoothed(phases: Array, precision: Array, time: Array, walk: float) -> Array:
+    """Most probable path (n_block,) of a random walk through phases of known precision [rad]."""
+    if phases.size == 1:
+        return phases
+    links = 1.0 / (walk * np.diff(time))
+    diagonal = precision.copy()
+    diagonal[:-1] += links
+    diagonal[1:] += links
+    banded = np.vstack([np.concatenate([[0.0], -links]), diagonal])
+    return np.asarray(solveh_banded(banded, precision * phases))
+
+
+def _moves(state: Array, waves: Sequence[Sequence[int]], size: float) -> Array:
+    """(n_state, 3) small changes of sine, cosine and phase, for the responses to them.
+
+    A change of the phase by d turns the amplitudes a, b of harmonic h by h d: a' = -h b, b' = h a.
+    """
+    moves = np.zeros((state.size, 3))
+    for lane, column in enumerate(waves[0]):
+        moves[column, lane] = _STEP * size
+    for harmonic, (sine, cosine) in enumerate(waves, 1):
+        moves[sine, 2] = -_STEP * harmonic * state[cosine]
+        moves[cosine, 2] = _STEP * harmonic * state[sine]
+    return moves
+
+
+def _interval(record: Record) -> float:
+    return float(np.median(record.inputs[:-1, 0]))
+
+
+def _duration(record: Record) -> float:
+    return float(record.time[-1] - record.time[0])

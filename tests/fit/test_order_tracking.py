@@ -1,0 +1,109 @@
+"""Order tracking: an angle integrated from a noisy speed follows the torque of its order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.effects.cogging import CoggingTorque
+from identification.fit.order_tracking import path_size, tracked
+from identification.model.composite import INPUTS, MotorModel
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator, initial_states
+from tests.motors import motor_named
+
+Array = NDArray[np.float64]
+
+ORDER, TORQUE, SPEED_NOISE, INTERVAL, ROWS = 20.0, 0.004, 1.0, 1e-3, 6000
+SERVO = motor_named("servo 100 W")
+
+
+def _slow_run(rng: np.random.Generator, *, has_cogging: bool) -> tuple[Simulator, Array, Array]:
+    """A run at some tens of rad/s, its angle integrated from the noisy speed, and the true angle.
+
+    The true angle is a state of the model that generates the run.
+    """
+    time: Array = INTERVAL * np.arange(ROWS, dtype=np.float64)
+    voltage = np.interp(time, time[::400], rng.uniform(-4.0, 4.0, time[::400].size))
+    columns: dict[str, Array] = dict.fromkeys(INPUTS, np.zeros(ROWS))
+    columns |= {"interval": np.append(np.diff(time), 0.0), "voltage": voltage, "time": time}
+    columns |= {"voltage_next": np.append(voltage[1:], voltage[-1])}
+    columns |= {name: np.full(ROWS, 25.0) for name in ("temperature", "temperature_next")}
+    blank = Record(
+        0, "run.csv", 0, time, np.column_stack([columns[name] for name in INPUTS]),
+        np.zeros((ROWS, 2)), np.ones((ROWS, 2)),
+    )  # fmt: skip
+    turning = CoggingTorque(TORQUE, logged=False, angle="simulated")
+    values = np.append(SERVO.values, ORDER)
+    start = np.array([0.0, 0.0, TORQUE if has_cogging else 0.0, 0.0, 0.0, 0.0, 0.0])
+    truth = Simulator.fitting(MotorModel((turning,)), [blank], values).converged(values, [start])
+    states = truth.states(values[:, None], [start])[0][:, :, 0]
+    angle = states[:, -1]
+    noise = np.array([1e-3, SPEED_NOISE])
+    measured = states[:, :2] + noise * rng.standard_normal((ROWS, 2))
+    moved = 0.5 * INTERVAL * (measured[1:, 1] + measured[:-1, 1])
+    integrated = np.concatenate([[0.0], np.cumsum(moved)])
+    logged = replace(blank.with_angle(integrated), measured=measured, raw_angle=None)
+    model = MotorModel((CoggingTorque(TORQUE, logged=False, angle="integrated"),))
+    return Simulator.fitting(model, [logged], values), values, angle
+
+
+def _phase_errors(simulator: Simulator, angle: Array) -> float:
+    """RMS phase error of the order, up to a constant and to whole periods of the torque [rad]."""
+    turned = np.exp(1j * ORDER * (simulator.records[0].column("angle") - angle))
+    return float(np.sqrt(2.0 * (1.0 - abs(np.mean(turned)))))
+
+
+def test_a_tracked_angle_turns_with_the_shaft_and_not_with_the_noise() -> None:
+    """The noise of the speed leaves a random walk of up to 1.5 rad in the phase of the torque."""
+    noise = np.array([1e-3, SPEED_NOISE])
+    before, after = [], []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        simulator, values, angle = _slow_run(rng, has_cogging=True)
+        (start,) = [initial_states(simulator.model, record) for record in simulator.records]
+
+        found, (state,) = tracked(simulator, values, [start], noise)
+
+        before.append(_phase_errors(simulator, angle))
+        after.append(_phase_errors(found, angle))
+        names = found.model.state_names
+        waves = [state[names.index(f"cogging_torque.{name}")] for name in ("sine", "cosine")]
+        assert np.isclose(np.hypot(*waves), TORQUE, rtol=0.1)
+        assert path_size(found, values, noise) > 0
+    assert np.mean(before) > 0.5
+    assert max(after) < 0.3
+
+
+def test_a_logged_angle_is_not_corrected() -> None:
+    """An encoder has no drift."""
+    rng = np.random.default_rng(4)
+    simulator, values, _ = _slow_run(rng, has_cogging=True)
+    (record,) = simulator.records
+    encoder = replace(simulator, records=(replace(record, angle_logged=True),))
+
+    after, _ = tracked(encoder, values, [np.zeros(len(encoder.model.state_names))], np.ones(2))
+
+    assert after is encoder
+
+
+def test_noise_alone_gains_less_than_the_phases_cost() -> None:
+    """A path through noise lowers the misfit by less than half log(n) for each of its phases."""
+    rng = np.random.default_rng(5)
+    simulator, values, _ = _slow_run(rng, has_cogging=False)
+    (start,) = [initial_states(simulator.model, record) for record in simulator.records]
+    noise = np.array([1e-3, SPEED_NOISE])
+
+    after, states = tracked(simulator, values, [start], noise)
+
+    misfits = [
+        0.5 * np.sum(((one.records[0].measured - y[:, :, 0]) / noise) ** 2)
+        for one, y in (
+            (simulator, simulator.logged(values[:, None], [start])[0]),
+            (after, after.logged(values[:, None], states)[0]),
+        )
+    ]
+    phases = path_size(after, values, noise) + 2
+    assert misfits[0] - misfits[1] < 0.5 * np.log(ROWS) * phases
