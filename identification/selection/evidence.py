@@ -185,7 +185,6 @@ class EvaluatedModel:
         """
         more = self.fit.position.size - simpler.fit.position.size
         more += _lasting(self.fit) - _lasting(simpler.fit)
-        more += _phases(self.fit) - _phases(simpler.fit)
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.fraction, 2.0)
         terms = effects_of(self.fit.simulator.model.terms)
@@ -251,7 +250,7 @@ class EvaluatedModel:
         if not self.is_computed:
             return float("inf")
         samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
-        size = _determined(self.fit) + _lasting(self.fit) + _phases(self.fit)
+        size = _determined(self.fit) + _lasting(self.fit)
         chance = _BY_CHANCE * _fading(self.fit)
         penalty = 0.5 * size * float(np.log(samples))
         return fraction * (self.fit.cost + self._predictive()) + penalty + chance
@@ -273,21 +272,14 @@ def _log_ratio(square: Array, other: Array) -> Array:
 
 
 def _lasting(fit: Fit) -> int:
-    """Number of initial values, over all records, that count as parameters in the BIC.
+    """Number of initial values and phases, over all records, that are parameters in the BIC.
 
     Current, speed and fading states do not count.  Late samples contain no information on them, so
     their penalty does not grow with the logarithm of the record length.
     """
     states = [state for term in fit.simulator.model.terms for state in term.states]
-    return len(fit.states) * sum(not state.fades for state in states)
-
-
-def _phases(fit: Fit) -> int:
-    """Number of phases, over all records, that order tracking has estimated in its blocks.
-
-    The smoothed path has fewer degrees of freedom, so this count favours the model without.
-    """
-    return path_size(fit.simulator, fit.values, fit.weighting.deviation)
+    phases = path_size(fit.simulator, fit.values, fit.weighting.deviation)
+    return len(fit.states) * sum(not state.fades for state in states) + phases
 
 
 def _fading(fit: Fit) -> int:

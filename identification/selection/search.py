@@ -102,20 +102,10 @@ def search(
         if not forward(state):
             is_exhausted = True
             break
-        began = _refunded(began, listed, budget)
-        enrich(state)
-        began = _refunded(began, listed, budget)
-        if state.curve is None and _is_curve_due(state):
-            _fit_curve(state)
-            # A curve is not in the catalogue, so its cost is not charged to the catalogue's budget.
-            began = _refunded(began, listed)
-        if state.curve is not None and _is_far_better(state, state.curve):
+        _refunded(began, listed, budget)
+        is_replaced, is_postponed = _consolidate(state, listed, is_first=done == 0)
+        if is_replaced:
             break
-        is_postponed = done > 0 and lacks_more(state)
-        if done > 0 and not is_postponed:
-            backward(state)
-            exchange(state)
-            _refunded(began, listed, budget)
     if is_exhausted and is_postponed:
         backward(state)
         exchange(state)
@@ -125,6 +115,30 @@ def search(
     _add_curve(state, is_exhausted=is_exhausted)
     report((policy.rounds + 1) / (policy.rounds + 2))
     return _outcome(state, nominal, is_part, not (trials.over or is_cut_short))
+
+
+def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool, bool]:
+    """Lines 7 to 12 of the algorithm, after a round that accepted an effect.
+
+    Returns:
+        Whether a curve alone fits far better, and whether lines 11 and 12 are postponed.
+    """
+    budget = state.trials.budget
+    began = operations()
+    enrich(state)
+    began = _refunded(began, listed, budget)
+    if state.curve is None and _is_curve_due(state):
+        _fit_curve(state)
+        # A curve is not in the catalogue, so its cost is not charged to the catalogue's budget.
+        began = _refunded(began, listed)
+    if state.curve is not None and _is_far_better(state, state.curve):
+        return True, False
+    if is_first or lacks_more(state):
+        return False, not is_first
+    backward(state)
+    exchange(state)
+    _refunded(began, listed, budget)
+    return False, False
 
 
 def _refunded(began: float, *budgets: Budget) -> float:

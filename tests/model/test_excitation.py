@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS
-from identification.model.excitation import records_of, smooth_temperature
+from identification.model.excitation import records_of
+from identification.model.logged_temperature import smooth_temperature
 
 Array = NDArray[np.float64]
 
