@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractEffect
-from identification.fit.order_tracking import retracked, tracked
+from identification.fit.order_tracking import tracked
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
 from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
@@ -146,17 +146,21 @@ def _refitted(
         deviation=fit.weighting.deviation,
         robust=fit.weighting.robust,
     )
-    if any(term.tracked for term in model.terms):
+    names = {term.name for term in fit.simulator.model.terms}
+    is_untracked = any(term.tracked for term in model.terms if term.name not in names)
+    if is_untracked:
         # Before the angle is tracked, a simulation does not show which order is right.
         starts = starts[:1]
     simulator, position, states = begun(fit, model, coordinates, starts, weighting)
     if finely:
         start = coordinates.values(position)
         simulator = simulator.accurate(start, states, weighting.deviation)
+    if not is_untracked:
+        return solve(simulator, coordinates, position, states, weighting, limits)
     values = coordinates.values(position)
     simulator, begin = tracked(simulator, values, states, fit.weighting.deviation)
     weighting = replace(weighting, records=simulator.records)
-    return retracked(solve(simulator, coordinates, position, begin, weighting, limits), limits)
+    return solve(simulator, coordinates, position, begin, weighting, limits)
 
 
 def refined(

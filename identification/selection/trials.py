@@ -15,6 +15,7 @@ import numpy as np
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.noise import effective_fraction
+from identification.fit.order_tracking import retracked
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
@@ -300,7 +301,8 @@ class Trials:
             limits: Termination limits.
         """
         limits = limits or self.limits()
-        return self._converged(refined(self._converged(fit, limits), limits, self.policy), limits)
+        fit = retracked(self._converged(fit, limits), limits)
+        return self._converged(refined(fit, limits, self.policy), limits)
 
     def _converged(self, fit: Fit, limits: TerminationLimits) -> Fit:
         """Continue a fit until it converges or gains less than 1 in log likelihood."""
