@@ -18,12 +18,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.feedback.bracketing import root
 from identification.feedback.envelope import bound_at, time_below
 from identification.feedback.loop import Loop
 from identification.feedback.metrics import BAND, RISE, StepMetrics
 from identification.feedback.modes import Modes
 from identification.feedback.roots import monic_roots
-from identification.feedback.turns import Turns, root
+from identification.feedback.turns import Turns
 
 __all__ = ["StepResponse", "step_metrics"]
 
