@@ -28,6 +28,7 @@ LANES: Final = 8
 VECTOR: Final = f"<{LANES} x double>"
 """LLVM type of a block of lanes."""
 
+_SCALAR = "double"
 _PART = f"<{WIDTH} x double>"
 _MASK = f"<{LANES} x i1>"
 # Fused multiply-add is the only relaxation allowed: NaN and infinity must propagate, because they
@@ -92,18 +93,21 @@ class Translation:
         """Names of the vectors that hold the next carry and the output."""
         work: dict[int, _Value] = {}
         results = [[_literal(0.0)] * step.size1_out(k) for k in range(2)]
+        identify, outputs, inputs = (
+            step.instruction_id, step.instruction_output, step.instruction_input,
+        )  # fmt: skip
         for k in range(step.n_instructions()):
-            operation = step.instruction_id(k)
-            target = step.instruction_output(k)
+            operation = identify(k)
+            target = outputs(k)
             if operation == ca.OP_CONST:
                 work[target[0]] = _literal(step.instruction_constant(k))
             elif operation == ca.OP_INPUT:
-                work[target[0]] = self._input(*step.instruction_input(k))
+                work[target[0]] = self._input(*inputs(k))
             elif operation == ca.OP_OUTPUT:
                 which, row = target
-                results[which][row] = work[step.instruction_input(k)[0]]
+                results[which][row] = work[inputs(k)[0]]
             else:
-                operands = [work[j] for j in step.instruction_input(k)]
+                operands = [work[j] for j in inputs(k)]
                 work[target[0]] = self._operation(operation, operands)
         carry, output = ([self._as_vector(value) for value in values] for values in results)
         return carry, output
@@ -157,27 +161,23 @@ class Translation:
     # -- operations ---------------------------------------------------------------------------
 
     def _operation(self, operation: int, operands: list[_Value]) -> _Value:
-        stages = {operand.stage for operand in operands} - {"literal"}
-        if stages <= {"shared"}:
-            stage, kind, mask = "shared", "double", "i1"
-            names = [operand.name for operand in operands]
-        else:
-            stage = "constant" if stages == {"constant"} else "lane"
-            kind, mask = VECTOR, _MASK
-            names = [self._as_vector(operand) for operand in operands]
+        stage = _stage_of(operands)
+        if operation == ca.OP_DIV and operands[1].stage != stage:
+            inverse = self._reciprocal(operands[1])
+            return self._operation(ca.OP_MUL, [operands[0], inverse])
+        kind, mask = (_SCALAR, "i1") if stage == "shared" else (VECTOR, _MASK)
+        names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
+        if operation in _BINARY:
+            word = f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}"
+            return self._emit(stage, word)
 
         def emit(expression: str) -> _Value:
             return self._emit(stage, expression)
 
         def number(x: float) -> str:
             literal = _literal(x)
-            return literal.name if kind == "double" else self._as_vector(literal)
+            return literal.name if kind == _SCALAR else self._as_vector(literal)
 
-        if operation == ca.OP_DIV and operands[1].stage != stage:
-            inverse = self._reciprocal(operands[1])
-            return self._operation(ca.OP_MUL, [operands[0], inverse])
-        if operation in _BINARY:
-            return emit(f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}")
         if operation in _INTRINSIC:
             return self._called(_INTRINSIC[operation], kind, names[:1], emit)
         if operation in _INTRINSIC_2:
@@ -264,6 +264,17 @@ class Translation:
     def _call(self, symbol: str, kind: str, operands: list[str]) -> str:
         self.declared.add(f"declare {kind} @{symbol}({', '.join([kind] * len(operands))})")
         return f"call {kind} @{symbol}({', '.join(f'{kind} {operand}' for operand in operands)})"
+
+
+def _stage_of(operands: list[_Value]) -> str:
+    """Class of an operation: that of its operands, lane if they differ; literals count as none."""
+    found = "literal"
+    for operand in operands:
+        if found == "literal":
+            found = operand.stage
+        elif operand.stage not in (found, "literal"):
+            return "lane"
+    return "shared" if found == "literal" else found
 
 
 def _half(operand: str, half: int) -> str:
