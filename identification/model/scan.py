@@ -23,20 +23,19 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
-import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final, Literal
 
 import casadi as ca
-import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.kernels import keep, kept
+from identification.model.interpreter import Interpreted
 from identification.model.loop import STRIDE, lower
 from identification.model.lowering import LANES
+from identification.model.machine import Level, Loaded, compiled
 from identification.threads import threads
 from identification.work import charge, charge_once
 
@@ -49,16 +48,15 @@ _COMPILED: Final = {"once": 2.5e5, "some": 5e5, "most": 1e6}
 """Operations that are charged for the compilation of one instruction, by effort."""
 
 _SHORT: Final = 1_000
-"""Rows up to which unoptimised code is faster in total.
+"""Rows up to which a loop that runs a few times is interpreted, and others are not optimised.
 
 Unoptimised code is generated in 7 instead of 21 microseconds per instruction, and takes up to 0.6
 instead of 0.3 ns per instruction and block of lanes.  A fit runs a loop over some forty blocks."""
 
-_Level = Literal[0, 2]
-"""LLVM's level of code generation: 0 quick, 2 optimised."""
+_LONG: Final = 40 * _SHORT
+"""Rows up to which a loop that runs a few times is not optimised."""
 
-_SIGNATURE: Final = ctypes.CFUNCTYPE(
-    None,
+_ARGUMENTS: Final = (
     ctypes.c_int64,  # steps
     ctypes.c_int64,  # lanes, padded: the stride between rows of parameters, carry and outputs
     ctypes.c_void_p,  # inputs (n_step, n_input)
@@ -77,8 +75,8 @@ class Scan:
         prepare: Optional SX function (nothing, input, parameter) -> (nothing, prepared) of slowly
             varying quantities.  The step then takes the prepared values, interpolated over rows, in
             place of the parameters, and has no output.
-        effort: ``once`` for a loop that runs a few times and is never optimised, ``some`` for one
-            that runs in a fit, ``most`` for one that a sampler runs thousands of times.
+        effort: ``once`` for a loop that runs a few times, ``some`` for one that runs in a fit,
+            ``most`` for one that a sampler runs thousands of times.
         key: Key of the machine code in the cache on disk; None for no caching.
     """
 
@@ -103,20 +101,23 @@ class Scan:
         self._operations = own + (prepare.n_instructions() / STRIDE if prepare is not None else 0.0)
         self._preparation = _COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
         self._source, self._effort, self._key = (step, prepare), effort, key
-        self._kernels: dict[_Level, _Kernel] = {}
+        self._kernels: dict[Level | None, Loaded | Interpreted] = {}
 
-    def _kernel(self, rows: int) -> _Kernel:
-        """Machine code for a pass over `rows` rows, compiled or loaded at the first such pass."""
-        level: _Level = 0 if self._effort == "once" or rows <= _SHORT else 2
-        if level not in self._kernels:
-            key = f"{self._key}{level}"
-            code = kept(key) if self._key else None
-            if code is None:
-                code = _compile(lower(*self._source), level)
-                if self._key:
-                    keep(key, code)
-            self._kernels[level] = _Kernel(code)
-        return self._kernels[level]
+    def _kernel(self, rows: int) -> Loaded | Interpreted:
+        """Form of the loop for a pass over `rows` rows, prepared at the first such pass."""
+        step, prepare = self._source
+        is_once = self._effort == "once"
+        form: Level | None = 0 if rows <= (_LONG if is_once else _SHORT) else 2
+        if is_once and rows <= _SHORT and prepare is None:
+            form = None
+        if form not in self._kernels:
+            if form is None:
+                self._kernels[form] = Interpreted(step)
+            else:
+                key = f"{self._key}{form}" if self._key else None
+                code = compiled(lambda: lower(step, prepare), form, key)
+                self._kernels[form] = Loaded(code, _ARGUMENTS)
+        return self._kernels[form]
 
     def _check_prepared(self, prepare: ca.Function) -> None:
         found = (prepare.size1_in(1), prepare.size1_out(1), self.n_output)
@@ -226,59 +227,3 @@ def _workers(number: int) -> ThreadPoolExecutor:
 
 
 os.register_at_fork(after_in_child=_workers.cache_clear)
-
-
-@functools.cache
-def _initialized() -> None:
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-
-
-@functools.cache
-def _target(level: _Level) -> llvm.TargetMachine:
-    """Code generator for this processor."""
-    _initialized()
-    return _new_target(level)
-
-
-def _new_target(level: _Level) -> llvm.TargetMachine:
-    return llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=level,
-        jit=True,
-    )
-
-
-@functools.cache
-def _linker() -> llvm.LLJIT:
-    """Linker of machine code into this process; it frees its own code generator."""
-    _initialized()
-    return llvm.create_lljit_compiler(_new_target(0))
-
-
-def _compile(text: str, level: _Level) -> bytes:
-    """Compile one loop to machine code.
-
-    CasADi's list has no dead and few repeated operations, so LLVM's passes over the text would
-    double the compile time without faster code.
-    """
-    module = llvm.parse_assembly(text)
-    module.verify()
-    return bytes(_target(level).emit_object(module))
-
-
-class _Kernel:
-    """Machine code in this process, as long as this object exists.
-
-    Args:
-        code: Object code with the function ``scan``.
-    """
-
-    def __init__(self, code: bytes) -> None:
-        builder = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
-        self._library = builder.export_symbol("scan").link(_linker(), f"loop{next(_numbers)}")
-        self.run = _SIGNATURE(self._library["scan"])
-
-
-_numbers = itertools.count()
