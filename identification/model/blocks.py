@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.scan import Scan
+from identification.model.scan import LANES, Scan
 
-__all__ = ["BLOCK", "blocks", "sampled", "stretch"]
+__all__ = ["BLOCK", "blocks", "sampled", "single", "stretch"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -86,4 +86,23 @@ def sampled(
         ends, outputs = scan([rows for rows, _ in pairs], values, [carries[k] for k in going])
         for k, part, end, output, (_, at) in zip(going, parts, ends, outputs, pairs, strict=True):
             carries[k], found[k][part] = end, output[at]
+    return found
+
+
+def single(scan: Scan, inputs: Array, values: Array, carry: Array) -> Array:
+    """Outputs of a loop of one lane, (n_row, n_output), of one record.
+
+    A pass writes whole blocks of lanes, so the rows are passed in short blocks.
+
+    Args:
+        scan: The loop.
+        inputs: (n_row, n_input).
+        values: (n_parameter, 1).
+        carry: Carry before the first row, (n_carry, 1).
+    """
+    found = np.empty((inputs.shape[0], scan.n_output))
+    for first in range(0, inputs.shape[0], BLOCK // LANES):
+        rows = slice(first, first + BLOCK // LANES)
+        (carry,), (output,) = scan([inputs[rows]], values, [carry])
+        found[rows] = output[:, :, 0]
     return found

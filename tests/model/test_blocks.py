@@ -6,13 +6,15 @@ import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.model.blocks import blocks
+from identification.model.blocks import blocks, single
 from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
+from identification.model.scan import scan_of
 from identification.model.simulate import Simulator, initial_states
 from identification.model.substeps import evenly
 from identification.model.tangent import tangent
@@ -85,3 +87,16 @@ def test_every_sample_is_in_one_block(most: int) -> None:
             counted[k][part] += 1
 
     assert all((each == 1).all() for each in counted)
+
+
+def test_one_lane_in_blocks_is_that_of_one_pass() -> None:
+    """Each block continues from the carry of the one before; blocks have 8,192 rows."""
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p")
+    following = ca.vertcat(x[0] + 1e-3 * x[1], x[1] - 1e-3 * p * x[0] + u)
+    scan = scan_of(ca.Function("step", [x, u, p], [following, ca.vertcat(x, u)]))
+    inputs = 1e-3 * np.random.default_rng(5).normal(size=(20_000, 1))
+    values, carry = np.full((1, 1), 4.0), np.ones((2, 1))
+
+    whole = scan([inputs], values, [carry])[1][0][:, :, 0]
+
+    assert np.array_equal(single(scan, inputs, values, carry), whole)
