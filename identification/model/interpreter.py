@@ -49,10 +49,12 @@ class Interpreted:
         self._begin = len(self._before)
         self._program = np.array([*self._before, *self._body, *stores], dtype=np.int32)
         self._table = np.array(self._literals)
+        # The interpreter reads both operands of each operation, also where they are row numbers.
+        self._places = int(self._program[:, 1:].max()) + 1
 
     def run(self, n: int, stride: int, inputs: int, p: int, carry: int, outputs: int) -> None:
         """Repeat the step for a block of lanes; arguments as of a compiled loop."""
-        work = np.empty((max(len(self._fixed), int(self._program[:, 2:].max()) + 1), LANES))
+        work = np.empty((self._places, LANES))
         _machine().run(
             n, stride, inputs, p, carry, outputs,
             self._program.ctypes.data, self._table.ctypes.data, work.ctypes.data,
