@@ -28,12 +28,13 @@ from identification.arrays import Array
 from identification.fit.normal_equations import state_precision
 from identification.fit.solve import Fit
 from identification.linear import least_squares
+from identification.model.blocks import BLOCK
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.scan import scan_of
 from identification.model.step import advance
-from identification.model.tangent import BLOCK, stretch, tangent_blocks
+from identification.model.tangent import tangent_blocks
 from identification.model.term import (
     AbstractDelay,
     AbstractTorque,
@@ -227,7 +228,7 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
         carry = fit.states[k][:, None]
         for first in range(0, len(rows), BLOCK):
             part = slice(first, min(first + BLOCK, len(rows)))
-            inputs, _ = stretch(simulator, k, part.start, part.stop)
+            inputs, _ = simulator.stretch(k, part)
             (carry,), (out,) = scan([inputs], values, [carry])
             if simulator.substeps is None:
                 rows[part] = out[:, :, 0]

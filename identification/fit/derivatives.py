@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.simulate import Simulator
-from identification.model.tangent import TangentBlock, tangent_blocks
+from identification.model.tangent import TangentBlock, tangent, tangent_blocks
 from identification.model.weighting import Weighting
 from identification.work import TOUCH, charge
 
@@ -58,8 +58,11 @@ class Derivatives:
         """Copy with the sensitivities of whole records in memory."""
         if self.kept is not None:
             return self
-        found = tangent_blocks(self.simulator, self.values, self.states, self.directions, rows=None)
-        return replace(self, kept=tuple(found))
+        whole = tangent(self.simulator, self.values, self.states, self.directions)
+        found = tuple(
+            TangentBlock(k, 0, 0, *each) for k, each in enumerate(zip(*whole, strict=True))
+        )
+        return replace(self, kept=found)
 
 
 def products(

@@ -22,7 +22,7 @@ from identification.fit.normal_equations import state_precision
 from identification.linear import solution
 from identification.model.composite import MotorModel
 from identification.model.simulate import Simulator, initial_states
-from identification.model.tangent import tangent_blocks
+from identification.model.tangent import tangent
 from identification.model.term import AbstractTemperature
 from identification.model.weighting import Weighting
 
@@ -102,9 +102,10 @@ def _fitted_to_heads(
     short = short.roughly_accurate(values, states, deviation)
     for _ in range(_STEPS):
         moves, gain = [], 0.0
-        blocks = tangent_blocks(short, values, states, nothing, rows=None)
-        for k, (record, block) in enumerate(zip(heads, blocks, strict=True)):
-            full, right = products(record.measured - block.logged, block.tangent, weighting, k)
+        for k, (record, logged, slopes) in enumerate(
+            zip(heads, *tangent(short, values, states, nothing), strict=True)
+        ):
+            full, right = products(record.measured - logged, slopes, weighting, k)
             precision = state_precision(short, k)
             right = right + precision * (centres[k] - states[k])
             moves.append(solution(full + np.diag(precision), right))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Final, Literal
 
@@ -36,6 +36,8 @@ from identification.model.unlogged import Unlogged
 __all__ = ["CHANNELS", "INPUTS", "Hold", "MotorModel"]
 
 Hold = Literal["zoh", "foh"]
+
+_STRUCTURES: Final = 128
 
 CHANNELS: Final = ("current", "speed")
 """Logged channels, in the column order of `Record.measured`."""
@@ -170,13 +172,13 @@ class MotorModel:
         Returns:
             (n_state,) time derivatives.
         """
-        return self._equations(state, inputs, parameter, is_averaged=is_averaged)[0]
+        return _equations_of(self, is_averaged)(state, inputs, parameter)[0]
 
     def logged(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
         """Sensor readings of current and speed before averaging and delay, (2,) [A, rad/s]."""
-        return self._equations(state, inputs, parameter)[1]
+        return _equations_of(self, False)(state, inputs, parameter)[1]
 
-    def _equations(
+    def assembled(
         self,
         state: Expression,
         inputs: Expression,
@@ -184,6 +186,7 @@ class MotorModel:
         *,
         is_averaged: bool = False,
     ) -> tuple[Expression, Expression]:
+        """Right-hand side and sensor readings; see `rates` and `logged`."""
         values, own_values = self._values(parameter)
         own_states = self._own_states(state)
         signals = self._signals(state, inputs, parameter)
@@ -259,6 +262,14 @@ class MotorModel:
             )
             start += len(term.states)
         return own
+
+
+@lru_cache(_STRUCTURES)
+def _equations_of(model: MotorModel, is_averaged: bool) -> ca.Function:  # noqa: FBT001
+    """SX function (state, inputs, parameter) -> (rates, readings), assembled once a model."""
+    symbols = model.symbols()
+    equations = model.assembled(*symbols, is_averaged=is_averaged)
+    return ca.Function("equations", list(symbols), list(equations))
 
 
 def _temperatures(

@@ -32,7 +32,7 @@ __all__ = ["keep", "kept"]
 _MOST: Final = 4_000
 """Largest number of files; above it the least recently used half is removed.  A fit uses about 200
 files of about 20 kB each."""
-_SOURCES: Final = ("kernels.py", "loop.py", "lowering.py", "scan.py", "vectors.py")
+_SOURCES: Final = ("kernels.py", "loop.py", "lowering.py", "machine.py", "scan.py", "vectors.py")
 _SUM: Final = hashlib.sha256().digest_size
 
 

@@ -18,9 +18,9 @@ from typing import Final, NamedTuple
 import casadi as ca
 
 from identification.errors import ComputationError
-from identification.model.vectors import WIDTH, vector_function
+from identification.model.vectors import vector_function, vector_width
 
-__all__ = ["LANES", "VECTOR", "Translation"]
+__all__ = ["BINARY", "LANES", "UNARY", "VECTOR", "Operations", "Translation", "Value"]
 
 LANES: Final = 8
 """Lanes of one block: two AVX2 registers, so that two independent chains hide the latency."""
@@ -28,7 +28,7 @@ LANES: Final = 8
 VECTOR: Final = f"<{LANES} x double>"
 """LLVM type of a block of lanes."""
 
-_PART = f"<{WIDTH} x double>"
+_SCALAR = "double"
 _MASK = f"<{LANES} x i1>"
 # Fused multiply-add is the only relaxation allowed: NaN and infinity must propagate, because they
 # are how a diverging simulation is detected.
@@ -55,90 +55,48 @@ _INTRINSIC_2 = {
 }
 
 
-class _Value(NamedTuple):
+UNARY: Final = (
+    *_INTRINSIC, ca.OP_ASSIGN, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV, ca.OP_TANH, ca.OP_SIGN,
+    ca.OP_NOT,
+)  # fmt: skip
+"""Operations of one operand that have a translation."""
+
+BINARY: Final = (*_BINARY, *_COMPARE, *_INTRINSIC_2, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
+"""Operations of two operands that have a translation."""
+
+
+class Value(NamedTuple):
     """Operand: its name in the LLVM text, and constant, shared, lane or literal."""
 
     name: str
     stage: str
 
 
-class Translation:
-    """LLVM instructions of one function of carry, input and parameter.
+class Operations:
+    """LLVM instructions of scalar operations, by class.
 
     Args:
-        step: SX function (carry, input, parameter) -> (carry, output).
         prefix: Prefix of the register names.
-        pointer: Name of the pointer to the row of inputs.
-        given: Whether the parameters are registers ``%q0``, ``%q1``, ... that change from step to
-            step; otherwise they are loaded before the loop.
-
-    Raises:
-        ComputationError: The function uses an operation that has no translation.
     """
 
-    def __init__(
-        self, step: ca.Function, prefix: str = "r", pointer: str = "%u", *, given: bool = False
-    ) -> None:
+    def __init__(self, prefix: str) -> None:
         self.lines: dict[str, list[str]] = {"constant": [], "shared": [], "lane": []}
         self.declared: set[str] = set()
-        self._prefix, self._pointer, self._given = prefix, pointer, given
+        self._prefix = prefix
         self._count = 0
         self._spread: dict[str, str] = {}
-        self._loaded: dict[tuple[int, int], _Value] = {}
-        self._inverse: dict[str, _Value] = {}
-        self.carry, self.output = self._translated(step)
-
-    def _translated(self, step: ca.Function) -> tuple[list[str], list[str]]:
-        """Names of the vectors that hold the next carry and the output."""
-        work: dict[int, _Value] = {}
-        results = [[_literal(0.0)] * step.size1_out(k) for k in range(2)]
-        for k in range(step.n_instructions()):
-            operation = step.instruction_id(k)
-            target = step.instruction_output(k)
-            if operation == ca.OP_CONST:
-                work[target[0]] = _literal(step.instruction_constant(k))
-            elif operation == ca.OP_INPUT:
-                work[target[0]] = self._input(*step.instruction_input(k))
-            elif operation == ca.OP_OUTPUT:
-                which, row = target
-                results[which][row] = work[step.instruction_input(k)[0]]
-            else:
-                operands = [work[j] for j in step.instruction_input(k)]
-                work[target[0]] = self._operation(operation, operands)
-        carry, output = ([self._as_vector(value) for value in values] for values in results)
-        return carry, output
-
-    # -- operands -----------------------------------------------------------------------------
+        self._inverse: dict[str, Value] = {}
 
     def _new(self) -> str:
         self._count += 1
         return f"%{self._prefix}{self._count}"
 
-    def _emit(self, stage: str, expression: str) -> _Value:
+    def _emit(self, stage: str, expression: str) -> Value:
         name = self._new()
         self.lines[stage].append(f"  {name} = {expression}")
-        return _Value(name, stage)
+        return Value(name, stage)
 
-    def _input(self, which: int, row: int) -> _Value:
-        if which == 0:
-            return _Value(f"%carry{row}", "lane")
-        if which == 2 and self._given:
-            return _Value(f"%q{row}", "lane")
-        key = (which, row)
-        if key not in self._loaded:
-            self._loaded[key] = self._load_input(row) if which == 1 else self._load_parameter(row)
-        return self._loaded[key]
-
-    def _load_input(self, row: int) -> _Value:
-        address = self._emit("shared", f"getelementptr double, ptr {self._pointer}, i64 {row}")
-        return self._emit("shared", f"load double, ptr {address.name}, align 8")
-
-    def _load_parameter(self, row: int) -> _Value:
-        offset = self._emit("constant", f"mul i64 %stride, {row}")
-        address = self._emit("constant", f"getelementptr double, ptr %p, i64 {offset.name}")
-        return self._emit("constant", f"load {VECTOR}, ptr {address.name}, align 8")
-
-    def _as_vector(self, value: _Value) -> str:
+    def _as_vector(self, value: Value) -> str:
         if value.stage == "literal":
             return "<" + ", ".join([f"double {value.name}"] * LANES) + ">"
         if value.stage != "shared":
@@ -154,30 +112,33 @@ class Translation:
             self._spread[value.name] = spread
         return self._spread[value.name]
 
-    # -- operations ---------------------------------------------------------------------------
+    def operation(self, operation: int, operands: list[Value]) -> Value:
+        """Append the instructions of one operation and return its result.
 
-    def _operation(self, operation: int, operands: list[_Value]) -> _Value:
-        stages = {operand.stage for operand in operands} - {"literal"}
-        if stages <= {"shared"}:
-            stage, kind, mask = "shared", "double", "i1"
-            names = [operand.name for operand in operands]
-        else:
-            stage = "constant" if stages == {"constant"} else "lane"
-            kind, mask = VECTOR, _MASK
-            names = [self._as_vector(operand) for operand in operands]
+        Args:
+            operation: Code of CasADi.
+            operands: One for each of its operands.
 
-        def emit(expression: str) -> _Value:
+        Raises:
+            ComputationError: The operation has no translation.
+        """
+        stage = _stage_of(operands)
+        if operation == ca.OP_DIV and operands[1].stage != stage:
+            inverse = self._reciprocal(operands[1])
+            return self.operation(ca.OP_MUL, [operands[0], inverse])
+        kind, mask = (_SCALAR, "i1") if stage == "shared" else (VECTOR, _MASK)
+        names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
+        if operation in _BINARY:
+            word = f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}"
+            return self._emit(stage, word)
+
+        def emit(expression: str) -> Value:
             return self._emit(stage, expression)
 
         def number(x: float) -> str:
             literal = _literal(x)
-            return literal.name if kind == "double" else self._as_vector(literal)
+            return literal.name if kind == _SCALAR else self._as_vector(literal)
 
-        if operation == ca.OP_DIV and operands[1].stage != stage:
-            inverse = self._reciprocal(operands[1])
-            return self._operation(ca.OP_MUL, [operands[0], inverse])
-        if operation in _BINARY:
-            return emit(f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}")
         if operation in _INTRINSIC:
             return self._called(_INTRINSIC[operation], kind, names[:1], emit)
         if operation in _INTRINSIC_2:
@@ -187,13 +148,13 @@ class Translation:
             return emit(f"uitofp {mask} {bit.name} to {kind}")
         return self._rewritten(operation, names, kind, mask, emit, number)
 
-    def _reciprocal(self, value: _Value) -> _Value:
+    def _reciprocal(self, value: Value) -> Value:
         """Reciprocal of a divisor, computed in the divisor's own class.
 
         One division before the loop, or one per step, replaces one per lane and step.
         """
         if value.name not in self._inverse:
-            self._inverse[value.name] = self._operation(ca.OP_INV, [value])
+            self._inverse[value.name] = self.operation(ca.OP_INV, [value])
         return self._inverse[value.name]
 
     def _rewritten(
@@ -202,9 +163,9 @@ class Translation:
         names: list[str],
         kind: str,
         mask: str,
-        emit: Callable[[str], _Value],
+        emit: Callable[[str], Value],
         number: Callable[[float], str],
-    ) -> _Value:
+    ) -> Value:
         """Translate an operation without an LLVM counterpart into operations that have one."""
         first = names[0]
         simple = {
@@ -246,17 +207,23 @@ class Translation:
         )
 
     def _called(
-        self, name: str, kind: str, operands: list[str], emit: Callable[[str], _Value]
-    ) -> _Value:
+        self, name: str, kind: str, operands: list[str], emit: Callable[[str], Value]
+    ) -> Value:
         """Call of a function of one or two operands, in a vector version if the machine has one."""
         symbol = vector_function(name) if kind == VECTOR else None
+        width = vector_width()
+        if symbol is not None and width == LANES:
+            return emit(self._call(symbol, VECTOR, operands))
         if symbol is not None:
+            part = f"<{width} x double>"
             parts = [
-                emit(self._call(symbol, _PART, [emit(_half(x, half)).name for x in operands])).name
-                for half in range(2)
+                emit(
+                    self._call(symbol, part, [emit(_part(x, k, width)).name for x in operands])
+                ).name
+                for k in range(LANES // width)
             ]
             lanes = ", ".join(f"i32 {lane}" for lane in range(LANES))
-            both = ", ".join(f"{_PART} {part}" for part in parts)
+            both = ", ".join(f"{part} {name}" for name in parts)
             return emit(f"shufflevector {both}, <{LANES} x i32> <{lanes}>")
         suffix = "f64" if kind == "double" else f"v{LANES}f64"
         return emit(self._call(f"llvm.{name}.{suffix}", kind, operands))
@@ -266,12 +233,88 @@ class Translation:
         return f"call {kind} @{symbol}({', '.join(f'{kind} {operand}' for operand in operands)})"
 
 
-def _half(operand: str, half: int) -> str:
-    """First or second half of a block of lanes."""
-    lanes = ", ".join(f"i32 {half * WIDTH + lane}" for lane in range(WIDTH))
-    return f"shufflevector {VECTOR} {operand}, {VECTOR} poison, <{WIDTH} x i32> <{lanes}>"
+class Translation(Operations):
+    """LLVM instructions of one function of carry, input and parameter.
+
+    Args:
+        step: SX function (carry, input, parameter) -> (carry, output).
+        prefix: Prefix of the register names.
+        pointer: Name of the pointer to the row of inputs.
+        given: Whether the parameters are registers ``%q0``, ``%q1``, ... that change from step to
+            step; otherwise they are loaded before the loop.
+
+    Raises:
+        ComputationError: The function uses an operation that has no translation.
+    """
+
+    def __init__(
+        self, step: ca.Function, prefix: str = "r", pointer: str = "%u", *, given: bool = False
+    ) -> None:
+        super().__init__(prefix)
+        self._pointer, self._given = pointer, given
+        self._loaded: dict[tuple[int, int], Value] = {}
+        self.carry, self.output = self._translated(step)
+
+    def _translated(self, step: ca.Function) -> tuple[list[str], list[str]]:
+        """Names of the vectors that hold the next carry and the output."""
+        work: dict[int, Value] = {}
+        results = [[_literal(0.0)] * step.size1_out(k) for k in range(2)]
+        identify, outputs, inputs = (
+            step.instruction_id, step.instruction_output, step.instruction_input,
+        )  # fmt: skip
+        for k in range(step.n_instructions()):
+            operation = identify(k)
+            target = outputs(k)
+            if operation == ca.OP_CONST:
+                work[target[0]] = _literal(step.instruction_constant(k))
+            elif operation == ca.OP_INPUT:
+                work[target[0]] = self._input(*inputs(k))
+            elif operation == ca.OP_OUTPUT:
+                which, row = target
+                results[which][row] = work[inputs(k)[0]]
+            else:
+                operands = [work[j] for j in inputs(k)]
+                work[target[0]] = self.operation(operation, operands)
+        carry, output = ([self._as_vector(value) for value in values] for values in results)
+        return carry, output
+
+    def _input(self, which: int, row: int) -> Value:
+        if which == 0:
+            return Value(f"%carry{row}", "lane")
+        if which == 2 and self._given:
+            return Value(f"%q{row}", "lane")
+        key = (which, row)
+        if key not in self._loaded:
+            self._loaded[key] = self._load_input(row) if which == 1 else self._load_parameter(row)
+        return self._loaded[key]
+
+    def _load_input(self, row: int) -> Value:
+        address = self._emit("shared", f"getelementptr double, ptr {self._pointer}, i64 {row}")
+        return self._emit("shared", f"load double, ptr {address.name}, align 8")
+
+    def _load_parameter(self, row: int) -> Value:
+        offset = self._emit("constant", f"mul i64 %stride, {row}")
+        address = self._emit("constant", f"getelementptr double, ptr %p, i64 {offset.name}")
+        return self._emit("constant", f"load {VECTOR}, ptr {address.name}, align 8")
 
 
-def _literal(x: float) -> _Value:
+def _stage_of(operands: list[Value]) -> str:
+    """Class of an operation: that of its operands, lane if they differ; literals count as none."""
+    found = "literal"
+    for operand in operands:
+        if found == "literal":
+            found = operand.stage
+        elif operand.stage not in (found, "literal"):
+            return "lane"
+    return "shared" if found == "literal" else found
+
+
+def _part(operand: str, number: int, width: int) -> str:
+    """A part of a block of lanes."""
+    lanes = ", ".join(f"i32 {number * width + lane}" for lane in range(width))
+    return f"shufflevector {VECTOR} {operand}, {VECTOR} poison, <{width} x i32> <{lanes}>"
+
+
+def _literal(x: float) -> Value:
     """Number in LLVM's exact hexadecimal notation."""
-    return _Value(f"0x{struct.pack('>d', float(x)).hex().upper()}", "literal")
+    return Value(f"0x{struct.pack('>d', float(x)).hex().upper()}", "literal")

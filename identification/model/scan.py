@@ -29,13 +29,13 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Final, Literal
 
 import casadi as ca
-import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.kernels import keep, kept
+from identification.model.interpreter import Interpreted
 from identification.model.loop import STRIDE, lower
 from identification.model.lowering import LANES
+from identification.model.machine import Level, Loaded, compiled
 from identification.threads import threads
 from identification.work import charge, charge_once
 
@@ -45,10 +45,18 @@ Array = NDArray[np.float64]
 Effort = Literal["once", "some", "most"]
 
 _COMPILED: Final = {"once": 2.5e5, "some": 5e5, "most": 1e6}
-"""Number of operations that take as long as the compilation of one instruction, by effort."""
+"""Operations that are charged for the compilation of one instruction, by effort."""
 
-_SIGNATURE: Final = ctypes.CFUNCTYPE(
-    None,
+_SHORT: Final = 1_000
+"""Rows up to which a loop that runs a few times is interpreted, and others are not optimised.
+
+Unoptimised code is generated in 7 instead of 21 microseconds per instruction, and takes up to 0.6
+instead of 0.3 ns per instruction and block of lanes.  A fit runs a loop over some forty blocks."""
+
+_LONG: Final = 40 * _SHORT
+"""Rows up to which a loop that runs a few times is not optimised."""
+
+_ARGUMENTS: Final = (
     ctypes.c_int64,  # steps
     ctypes.c_int64,  # lanes, padded: the stride between rows of parameters, carry and outputs
     ctypes.c_void_p,  # inputs (n_step, n_input)
@@ -67,8 +75,8 @@ class Scan:
         prepare: Optional SX function (nothing, input, parameter) -> (nothing, prepared) of slowly
             varying quantities.  The step then takes the prepared values, interpolated over rows, in
             place of the parameters, and has no output.
-        effort: Optimisation level: ``once`` for a loop that runs a few times, ``some`` for one that
-            runs in a fit, ``most`` for one that a sampler runs thousands of times.
+        effort: ``once`` for a loop that runs a few times, ``some`` for one that runs in a fit,
+            ``most`` for one that a sampler runs thousands of times.
         key: Key of the machine code in the cache on disk; None for no caching.
     """
 
@@ -92,13 +100,24 @@ class Scan:
         own = step.n_instructions()
         self._operations = own + (prepare.n_instructions() / STRIDE if prepare is not None else 0.0)
         self._preparation = _COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
-        code = kept(key) if key else None
-        if code is None:
-            self._engine, self._kernel, code = _compile(lower(step, prepare), effort)
-            if key:
-                keep(key, code)
-        else:
-            self._engine, self._kernel = _loaded(code)
+        self._source, self._effort, self._key = (step, prepare), effort, key
+        self._kernels: dict[Level | None, Loaded | Interpreted] = {}
+
+    def _kernel(self, rows: int) -> Loaded | Interpreted:
+        """Form of the loop for a pass over `rows` rows, prepared at the first such pass."""
+        step, prepare = self._source
+        is_once = self._effort == "once"
+        form: Level | None = 0 if rows <= (_LONG if is_once else _SHORT) else 2
+        if is_once and rows <= _SHORT and prepare is None:
+            form = None
+        if form not in self._kernels:
+            if form is None:
+                self._kernels[form] = Interpreted(step)
+            else:
+                key = f"{self._key}{form}" if self._key else None
+                code = compiled(lambda: lower(step, prepare), form, key)
+                self._kernels[form] = Loaded(code, _ARGUMENTS)
+        return self._kernels[form]
 
     def _check_prepared(self, prepare: ca.Function) -> None:
         found = (prepare.size1_in(1), prepare.size1_out(1), self.n_output)
@@ -152,11 +171,12 @@ class Scan:
         charge_once(self, self._preparation)
         for rows, start in zip(inputs, carries, strict=True):
             charge(self.work(rows.shape[0], start.shape[1]))
+        run = self._kernel(sum(rows.shape[0] for rows in inputs)).run
         if len(tasks) == 1 or threads() == 1:
             for task in tasks:
-                self._kernel(*task)
+                run(*task)
         else:
-            for _ in _workers(threads()).map(lambda task: self._kernel(*task), tasks):
+            for _ in _workers(threads()).map(lambda task: run(*task), tasks):
                 pass
         return finals, outputs
 
@@ -207,49 +227,3 @@ def _workers(number: int) -> ThreadPoolExecutor:
 
 
 os.register_at_fork(after_in_child=_workers.cache_clear)
-
-
-@functools.cache
-def _initialized() -> None:
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-
-
-def _target(effort: Effort) -> llvm.TargetMachine:
-    """New target machine for each kernel: an engine takes ownership of it and frees it."""
-    _initialized()
-    return llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=0 if effort == "once" else 2,
-        jit=True,
-    )
-
-
-def _compile(
-    text: str, effort: Effort
-) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType, bytes]:
-    """Compile one kernel to machine code; the code exists as long as the engine that owns it.
-
-    CasADi's list has no repeated or dead operations, so the optimisation passes gain only a tenth
-    in speed for a third of the compile time.
-    """
-    target = _target(effort)
-    module = llvm.parse_assembly(text)
-    module.verify()
-    if effort == "most":
-        options = llvm.create_pipeline_tuning_options(speed_level=2)
-        options.loop_unrolling = False
-        options.slp_vectorization = False
-        passes = llvm.create_pass_builder(target, options)
-        passes.getModulePassManager().run(module, passes)
-    code = target.emit_object(module)
-    return *_loaded(code), code
-
-
-def _loaded(code: bytes) -> tuple[llvm.ExecutionEngine, ctypes._CFunctionType]:
-    """Load a kernel from its machine code."""
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target("once"))
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    return engine, _SIGNATURE(engine.get_function_address("scan"))

@@ -22,6 +22,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.blocks import sampled, stretch
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.history import initial_history
@@ -33,10 +34,9 @@ from identification.model.substeps import (
     MOST_SUBSTEPS,
     Counts,
     divided,
-    error_scan,
     evenly,
     first_rows,
-    refined_counts,
+    refined,
 )
 from identification.model.weighting import Weighting
 
@@ -108,11 +108,10 @@ class Simulator:
         """Row index of each sample, for each record; None if every row is a sample."""
         return None if self.substeps is None else [first_rows(c) for c in self.substeps]
 
-    def _sampled(self, rows: list[Array]) -> list[Array]:
-        """Select the rows at samples from arrays with one row per substep."""
-        if self.first_rows is None:
-            return rows
-        return [y[at] for y, at in zip(rows, self.first_rows, strict=True)]
+    def stretch(self, k: int, samples: slice) -> tuple[Array, NDArray[np.intp] | None]:
+        """Inputs of a range of samples of record `k`; see `blocks.stretch`."""
+        at = None if self.first_rows is None else self.first_rows[k]
+        return stretch(self.inputs[k], at, samples)
 
     def _shifted(self, inputs: Array) -> Array:
         """Inputs with the voltage advanced by `model.advance` samples."""
@@ -248,14 +247,10 @@ class Simulator:
             most: Largest number of substeps of a sample interval.
         """
         substeps = self.substeps or evenly([record.rows for record in self.records], 1)
-        carries = [_lanes(state, 1) for state in states]
+        inputs = [self._shifted(record.inputs) for record in self.records]
+        start = values[:, None], [_lanes(state, 1) for state in states]
         for _ in range(rounds):
-            inputs = replace(self, substeps=substeps).inputs
-            errors = error_scan(self.model, self.plan)(inputs, values[:, None], carries)[1]
-            more = tuple(
-                refined_counts(counts, error[:, :, 0], tolerance, most)
-                for counts, error in zip(substeps, errors, strict=True)
-            )
+            more = refined((self.model, self.plan), inputs, substeps, start, tolerance, most)
             if all(np.array_equal(a, b) for a, b in zip(more, substeps, strict=True)):
                 break
             substeps = more
@@ -283,7 +278,7 @@ class Simulator:
         """
         scan = _logged_scan(self.model, self.plan, effort)
         carries = self.carries(states, values.shape[1])
-        return self._sampled(scan(self.inputs, values, carries)[1])
+        return sampled(scan, self.inputs, self.first_rows, values, carries)
 
     def misfit(self, values: Array, states: Sequence[Array], weighting: Weighting) -> Array:
         """Weighted sums of squares of the whitened residuals, (2, n_lane) [A^2, rad^2/s^2].
@@ -330,7 +325,8 @@ class Simulator:
     def states(self, values: Array, states: Sequence[Array]) -> list[Array]:
         """State trajectories, for each record (n_sample, n_state, n_lane)."""
         carries = [_lanes(state, values.shape[1]) for state in states]
-        return self._sampled(_states_scan(self.model, self.plan)(self.inputs, values, carries)[1])
+        scan = _states_scan(self.model, self.plan)
+        return sampled(scan, self.inputs, self.first_rows, values, carries)
 
 
 @lru_cache(_STRUCTURES)

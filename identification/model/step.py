@@ -27,8 +27,8 @@ Rosenbrock methods, here the pair called exprb32); Al-Mohy and Higham, SIAM J. S
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
+from functools import lru_cache, partial
 from typing import Final
 
 import casadi as ca
@@ -99,18 +99,15 @@ def advance(
     interval = inputs[0]
     now, slopes = _inputs_within(model, inputs)
     f, matrix, drift = linear(state, now, parameter, slopes * interval)
-    if state.numel() == 2:
-        moves, corrects = _by_characteristic(matrix, interval, plan)
-    elif plan.squarings:
-        moves, corrects = _by_squaring(matrix, interval, plan)
-    else:
-        moves, corrects = _by_action(matrix, interval, plan)
-    moved = moves(f, drift)
+    prepare, moves, corrects = _increments(matrix.sparsity().serialize(), plan)
+    prepared = prepare.call([matrix, interval])
+    moved = moves(*prepared, interval, f, drift)
     if not _is_curved(rates, x, u):
         return state + moved
     ends = state + moved, now + interval * slopes, parameter
     at_end = ca.Function("rates", [x, u, p], [rates])(*ends)
-    return state + moved + corrects(at_end - f - ca.mtimes(matrix, moved) - drift)
+    missed = at_end - f - ca.mtimes(matrix, moved) - drift
+    return state + moved + corrects(*prepared, interval, missed)
 
 
 def _is_curved(rates: Expression, state: Expression, inputs: Expression) -> bool:
@@ -146,52 +143,76 @@ def _inputs_within(model: MotorModel, inputs: Expression) -> tuple[Expression, E
     return ca.vertcat(*now), ca.vertcat(*slope)
 
 
-_Increments = tuple[
-    Callable[[Expression, Expression], Expression], Callable[[Expression], Expression]
-]
-"""Functions of the increment h (phi1 f + phi2 h df/dt) and of the correction 2 h phi3 d."""
+@lru_cache(_STRUCTURES)
+def _increments(sparsity: str, plan: StepPlan) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """Functions of a prepared matrix, of the increment and of the correction of a step.
 
-
-def _by_action(matrix: Expression, interval: Expression, plan: StepPlan) -> _Increments:
-    """Increments by Taylor series applied to vectors, with Horner's rule.
-
-    `drift` is h df/dt, so the interval has the same power in both vectors.
+    The increment is h (phi1 f + phi2 h df/dt), the correction 2 h phi3 d.  They depend on a model
+    only through the nonzeros of A, so many models share them.
     """
-    scaled = interval * matrix
+    matrix, interval = ca.SX.sym("A", ca.Sparsity.deserialize(sparsity)), ca.SX.sym("h")
+    n = matrix.shape[0]
+    f, drift, missed = (ca.SX.sym(name, n) for name in ("f", "drift", "d"))
+    if n == 2:
+        z, _, *phis = _pairs(matrix, interval, plan)
+        prepared, apply = [z, *(ca.vertcat(*phi) for phi in phis)], _by_characteristic
+    elif plan.squarings:
+        prepared, apply = list(_squared(matrix, interval, plan)), _by_functions
+    else:
+        prepared, apply = [interval * matrix], partial(_by_action, plan.terms)
+    given = [ca.SX.sym("phi", part.sparsity()) for part in prepared]
+    moved, corrected = apply(given, (f, drift, missed))
+    return (
+        ca.Function("prepared", [matrix, interval], prepared),
+        ca.Function("moves", [*given, interval, f, drift], [interval * moved]),
+        ca.Function("corrects", [*given, interval, missed], [2 * interval * corrected]),
+    )
 
-    def moves(f: Expression, drift: Expression) -> Expression:
-        second = ca.mtimes(scaled, f) + drift
-        total = second / plan.terms
-        for k in range(plan.terms - 1, 1, -1):
-            total = (second + ca.mtimes(scaled, total)) / k
-        return interval * (f + total)
 
-    def corrects(missed: Expression) -> Expression:
-        total = missed
-        for k in range(plan.terms + 2, 3, -1):
-            total = missed + ca.mtimes(scaled, total) / k
-        return interval * total / 3
-
-    return moves, corrects
+_Vectors = tuple[Expression, Expression, Expression]
+"""The vectors f, h df/dt and d."""
 
 
-def _by_characteristic(matrix: Expression, interval: Expression, plan: StepPlan) -> _Increments:
-    """Increments for two states by the Cayley-Hamilton theorem, Z^2 = tr(Z) Z - det(Z).
+def _by_action(
+    terms: int, prepared: Sequence[Expression], vectors: _Vectors
+) -> tuple[Expression, Expression]:
+    """Increment and correction over h by Taylor series applied to vectors, with Horner's rule.
+
+    The vector h df/dt contains the interval, so it has the same power in both vectors.
+    """
+    (scaled,), (f, drift, missed) = prepared, vectors
+    second = ca.mtimes(scaled, f) + drift
+    total = second / terms
+    for k in range(terms - 1, 1, -1):
+        total = (second + ca.mtimes(scaled, total)) / k
+    rest: Expression = missed
+    for k in range(terms + 2, 3, -1):
+        image: Expression = ca.mtimes(scaled, rest)
+        rest = missed + image / k
+    return f + total, rest / 6
+
+
+def _by_characteristic(
+    prepared: Sequence[Expression], vectors: _Vectors
+) -> tuple[Expression, Expression]:
+    """Increment and correction over h for two states: Cayley-Hamilton, Z^2 = tr(Z) Z - det(Z).
 
     Every power of Z = h A, and so every truncated series, is a + b Z with two scalars; a term of
     Horner's rule costs two multiplications.  For a linear motor the scalars do not depend on the
     state, so the processor computes them while it waits for the state of the previous step.
     """
-    z, _, phi1, phi2, phi3 = _pairs(matrix, interval, plan)
+    (z, phi1, phi2, phi3), (f, drift, missed) = prepared, vectors
+    moved = phi1[0] * f + phi1[1] * ca.mtimes(z, f)
+    moved = moved + phi2[0] * drift + phi2[1] * ca.mtimes(z, drift)
+    return moved, phi3[0] * missed + phi3[1] * ca.mtimes(z, missed)
 
-    def moves(f: Expression, drift: Expression) -> Expression:
-        moved = phi1[0] * f + phi1[1] * ca.mtimes(z, f)
-        return interval * (moved + phi2[0] * drift + phi2[1] * ca.mtimes(z, drift))
 
-    def corrects(missed: Expression) -> Expression:
-        return 2 * interval * (phi3[0] * missed + phi3[1] * ca.mtimes(z, missed))
-
-    return moves, corrects
+def _by_functions(
+    prepared: Sequence[Expression], vectors: _Vectors
+) -> tuple[Expression, Expression]:
+    """Increment and correction over h from the matrix functions phi1 to phi3."""
+    (phi1, phi2, phi3), (f, drift, missed) = prepared, vectors
+    return ca.mtimes(phi1, f) + ca.mtimes(phi2, drift), ca.mtimes(phi3, missed)
 
 
 _Pair = tuple[Expression, Expression]
@@ -260,8 +281,10 @@ def transition_functions(model: MotorModel, plan: StepPlan) -> tuple[ca.Function
     return prepare, ca.Function("step", [x, u, q], [following, x])
 
 
-def _by_squaring(matrix: Expression, interval: Expression, plan: StepPlan) -> _Increments:
-    """Increments by scaling and squaring of the matrix functions."""
+def _squared(
+    matrix: Expression, interval: Expression, plan: StepPlan
+) -> tuple[Expression, Expression, Expression]:
+    """The matrix functions phi1 to phi3 by scaling and squaring."""
     one = ca.SX.eye(matrix.shape[0])
     z = matrix * (interval / 2.0**plan.squarings)
     phi3 = one / math.factorial(plan.terms + 3)
@@ -276,11 +299,4 @@ def _by_squaring(matrix: Expression, interval: Expression, plan: StepPlan) -> _I
         phi1 = ca.mtimes(phi0 + one, phi1) / 2
         if k < plan.squarings - 1:
             phi0 = ca.mtimes(phi0, phi0)
-
-    def moves(f: Expression, drift: Expression) -> Expression:
-        return interval * (ca.mtimes(phi1, f) + ca.mtimes(phi2, drift))
-
-    def corrects(missed: Expression) -> Expression:
-        return 2 * interval * ca.mtimes(phi3, missed)
-
-    return moves, corrects
+    return phi1, phi2, phi3

@@ -23,6 +23,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.blocks import blocks
 from identification.model.composite import INPUTS, Hold, MotorModel
 from identification.model.scan import Scan, scan_of
 from identification.model.step import advance
@@ -36,6 +37,7 @@ __all__ = [
     "error_scan",
     "evenly",
     "first_rows",
+    "refined",
     "refined_counts",
 ]
 
@@ -121,6 +123,40 @@ def _halves(inputs: Expression, hold: Hold) -> tuple[Expression, Expression]:
 def _moving(hold: Hold) -> tuple[str, ...]:
     """Inputs that vary linearly within an interval."""
     return ("temperature", "angle") if hold == "zoh" else ("voltage", "temperature", "angle")
+
+
+def refined(
+    loop: tuple[MotorModel, StepPlan],
+    inputs: Sequence[Array],
+    substeps: Sequence[Counts],
+    start: tuple[Array, Sequence[Array]],
+    tolerance: Array,
+    most: int = MOST_SUBSTEPS,
+) -> tuple[Counts, ...]:
+    """Substeps of all records after one measurement of the integration errors, block by block.
+
+    Args:
+        loop: Model and step plan.
+        inputs: For each record (n_sample, n_input).
+        substeps: For each record (n_sample,) counts at which the errors are measured.
+        start: (n_parameter, 1) physical values, and for each record the initial state (n_state, 1).
+        tolerance: (2,) allowed error of current and speed per sample interval [A, rad/s].
+        most: Largest count.
+    """
+    scan, values, carries = error_scan(*loop), start[0], list(start[1])
+    found = tuple(counts.copy() for counts in substeps)
+    rows = sum(int(counts.sum()) for counts in substeps)
+    for going, parts in blocks([counts.size for counts in substeps], rows):
+        counts = [substeps[k][part] for k, part in zip(going, parts, strict=True)]
+        fine = [
+            divided(inputs[k][part], each, loop[0].held)
+            for k, part, each in zip(going, parts, counts, strict=True)
+        ]
+        ends, errors = scan(fine, values, [carries[k] for k in going])
+        for k, part, each, end, error in zip(going, parts, counts, ends, errors, strict=True):
+            carries[k] = end
+            found[k][part] = refined_counts(each, error[:, :, 0], tolerance, most)
+    return found
 
 
 def refined_counts(

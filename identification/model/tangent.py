@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.blocks import BLOCK, blocks
 from identification.model.composite import MotorModel
 from identification.model.history import history_size
 from identification.model.scan import Scan, scan_of
@@ -25,13 +26,11 @@ from identification.model.simulate import Simulator
 from identification.model.step import step_function
 from identification.model.step_plan import StepPlan
 
-__all__ = ["BLOCK", "TangentBlock", "stretch", "tangent", "tangent_blocks"]
+__all__ = ["TangentBlock", "tangent", "tangent_blocks"]
 
 Array = NDArray[np.float64]
 
 _STRUCTURES: Final = 128
-BLOCK: Final = 65_536
-"""Samples whose derivatives are in memory at the same time; tens of megabytes."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class TangentBlock:
 def tangent(
     simulator: Simulator, values: Array, states: Sequence[Array], directions: Array
 ) -> tuple[list[Array], list[Array]]:
-    """Readings and derivatives of whole records, as by `tangent_blocks`.
+    """Readings and derivatives of whole records, computed in blocks.
 
     Args:
         simulator: Model and records.
@@ -74,8 +73,13 @@ def tangent(
         For each record the readings (n_sample, 2) and their derivatives
         (n_sample, 2, n_direction + n_state).
     """
-    blocks = list(tangent_blocks(simulator, values, states, directions, rows=None))
-    return [block.logged for block in blocks], [block.tangent for block in blocks]
+    size = directions.shape[1] + simulator.n_state
+    logged = [np.empty((record.rows, 2)) for record in simulator.records]
+    slopes = [np.empty((record.rows, 2, size)) for record in simulator.records]
+    for block in tangent_blocks(simulator, values, states, directions):
+        logged[block.record][block.samples] = block.logged
+        slopes[block.record][block.samples] = block.tangent
+    return logged, slopes
 
 
 def tangent_blocks(
@@ -84,11 +88,11 @@ def tangent_blocks(
     states: Sequence[Array],
     directions: Array,
     lead: int = 0,
-    rows: int | None = BLOCK,
+    rows: int = BLOCK,
 ) -> Iterator[TangentBlock]:
     """Iterate over readings and their derivatives in blocks of samples.
 
-    The memory depends on the block size and not on the length of the records.
+    The memory depends neither on the length of the records nor on their substeps.
 
     Args:
         simulator: Model and records.
@@ -96,7 +100,7 @@ def tangent_blocks(
         states: For each record (n_state,).
         directions: (n_parameter, n_direction) physical.
         lead: Samples of the previous block that are repeated at the start of each block.
-        rows: Number of samples in memory at a time, over all records; None for whole records.
+        rows: Number of rows in memory at a time, over all records.
     """
     n, m = simulator.n_state, directions.shape[1]
     lanes = m + n
@@ -107,11 +111,11 @@ def tangent_blocks(
     carries = [np.concatenate([carry, start]) for carry in simulator.carries(states, lanes)]
     scan = _tangent_scan(simulator.model, simulator.plan)
     lengths = [record.rows for record in simulator.records]
-    most = max(lengths) if rows is None else max(rows // len(lengths), lead, 1)
+    whole = sum(inputs.shape[0] for inputs in simulator.inputs)
     tails: dict[int, Array] = {}
-    for first in range(0, max(lengths), most):
-        going = [k for k, length in enumerate(lengths) if length > first]
-        stretches = [stretch(simulator, k, first, first + most) for k in going]
+    for going, parts in blocks(lengths, whole, lead, rows):
+        first = parts[0].start
+        stretches = [simulator.stretch(k, part) for k, part in zip(going, parts, strict=True)]
         ends, outputs = scan(
             [inputs for inputs, _ in stretches], parameter, [carries[k] for k in going]
         )
@@ -124,29 +128,6 @@ def tangent_blocks(
                 tails[k] = own[-lead:].copy()
             repeated = lead if first else 0
             yield TangentBlock(k, first - repeated, repeated, own[:, :2, 0], own[:, 2:, :])
-
-
-def stretch(
-    simulator: Simulator, k: int, start: int, stop: int
-) -> tuple[Array, NDArray[np.intp] | None]:
-    """Inputs of a range of samples of one record, and the row index of each sample.
-
-    Args:
-        simulator: Model and records.
-        k: Index of the record.
-        start: First sample.
-        stop: Sample after the last; may exceed the length of the record.
-
-    Returns:
-        (n_row, n_input), and (n_sample,) row indices, None if every row is a sample.
-    """
-    inputs = simulator.inputs[k]
-    if simulator.first_rows is None:
-        return inputs[start:stop], None
-    rows = simulator.first_rows[k]
-    first = rows[start]
-    end = rows[stop] if stop < rows.size else inputs.shape[0]
-    return inputs[first:end], rows[start:stop] - first
 
 
 @lru_cache(_STRUCTURES)

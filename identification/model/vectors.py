@@ -1,9 +1,9 @@
-"""Vectorised exp, log, sin, cos and pow for four lanes, from the C library where available.
+"""Vectorised exp, log, sin, cos and pow, from the C library where available.
 
 LLVM can only call the scalar functions, one lane at a time.  The C library of Linux has versions
-for AVX2 registers (libmvec, error at most 4 units in the last place).  These functions dominate
-the run time of a motor with smooth friction or a brush drop.  Without the library each lane is
-computed separately.
+for AVX2 and AVX-512 registers (libmvec, error at most 4 units in the last place).  These functions
+dominate the run time of a motor with smooth friction or a brush drop.  Without the library each
+lane is computed separately.
 
 Source: GNU C Library, "Vector ABI of x86-64" and the notes to version 2.22 (exp, log, pow, sin,
 cos).
@@ -16,28 +16,26 @@ from typing import Final
 
 import llvmlite.binding as llvm
 
-__all__ = ["WIDTH", "vector_function", "vector_functions"]
-
-WIDTH: Final = 4
-"""Lanes of one call."""
+__all__ = ["vector_function", "vector_functions", "vector_width"]
 
 _LIBRARY: Final = "libmvec.so.1"
-_NAMES: Final = {
-    "exp": "_ZGVdN4v_exp",
-    "log": "_ZGVdN4v_log",
-    "sin": "_ZGVdN4v_sin",
-    "cos": "_ZGVdN4v_cos",
-    "pow": "_ZGVdN4vv_pow",
-}
+_NAMES: Final = {"exp": "v", "log": "v", "sin": "v", "cos": "v", "pow": "vv"}
+"""Functions and the letters of their operands in the names of their versions."""
 
 
 def vector_function(name: str) -> str | None:
-    """Symbol of the version of a function for `WIDTH` lanes, or None if this machine has none.
+    """Symbol of the version of a function for `vector_width` lanes, or None if there is none.
 
     Args:
         name: Name of the scalar function: exp, log, sin, cos or pow.
     """
     return vector_functions().get(name)
+
+
+@functools.cache
+def vector_width() -> int:
+    """Lanes of one call: those of the widest registers of this processor."""
+    return 8 if llvm.get_host_cpu_features().get("avx512f", False) else 4
 
 
 @functools.cache
@@ -49,4 +47,7 @@ def vector_functions() -> dict[str, str]:
         llvm.load_library_permanently(_LIBRARY)
     except RuntimeError:
         return {}
-    return {name: symbol for name, symbol in _NAMES.items() if llvm.address_of_symbol(symbol)}
+    width = vector_width()
+    registers = {4: "d", 8: "e"}[width]
+    symbols = {name: f"_ZGV{registers}N{width}{word}_{name}" for name, word in _NAMES.items()}
+    return {name: symbol for name, symbol in symbols.items() if llvm.address_of_symbol(symbol)}

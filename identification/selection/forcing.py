@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.solve import Fit
+from identification.model.blocks import single
 from identification.model.composite import MotorModel
 from identification.model.scan import Scan, scan_of
 from identification.model.step import advance
@@ -79,9 +80,9 @@ def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iter
     scan = _transitions(simulator.model, simulator.plan)
     for k, state in enumerate(fit.states):
         start = np.append(state, [0.0, 0.0])[:, None]
-        output = scan(simulator.inputs[k : k + 1], fit.values[:, None], [start])[1][0]
+        output = single(scan, simulator.inputs[k], fit.values[:, None], start)
         counts = None if simulator.substeps is None else simulator.substeps[k]
-        yield _response(output[:, :, 0], n, forces(k), counts, stride)
+        yield _response(output, n, forces(k), counts, stride)
 
 
 def _response(output: Array, n: int, force: Array, counts: Counts | None, stride: int) -> Array:

@@ -16,9 +16,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import elementwise
 
 from identification.arrays import Array
+from identification.speed_loop.bracketing import root
 from identification.speed_loop.modes import Modes
 
 __all__ = ["bound_at", "time_below"]
@@ -69,11 +69,8 @@ def time_below(modes: Modes, level: float) -> Array:
         rest = np.sum(weights[loop] * np.exp(exponents - largest[..., None]), axis=-1)
         return np.asarray(np.log(rest / level) + largest)
 
-    with np.errstate(all="ignore"):
-        found = elementwise.find_root(
-            excess, (np.zeros_like(latest), latest), args=(np.arange(latest.size),)
-        )
-    modal = np.where(found.success, found.x, latest)
+    found = root(excess, (np.zeros_like(latest), latest), (np.arange(latest.size),))
+    modal = np.where(np.isfinite(found), found, latest)
     return np.asarray(np.minimum(modal, newton) * (1 + _ROUNDING))
 
 

@@ -21,12 +21,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import elementwise
 
 from identification.arrays import Array
+from identification.speed_loop.bracketing import root
 from identification.speed_loop.modes import Modes
 
-__all__ = ["Turns", "root"]
+__all__ = ["Turns"]
 
 Index = NDArray[np.intp]
 
@@ -129,15 +129,3 @@ def _last_turn(rate: Modes) -> Array:
         times = np.where(others, np.log(share) / gaps, 0.0).max(axis=1)
     is_real = rate.poles.imag[rows, slowest] == 0
     return np.where(is_real & np.isfinite(times), np.maximum(times, 0.0), np.inf)
-
-
-def root(
-    function: Callable[..., Array], bracket: tuple[Array, Array], args: tuple[Array | Index, ...]
-) -> Array:
-    """Roots in brackets with a change of sign, to machine precision."""
-    if not bracket[0].size:
-        return np.empty(0)
-    # The search may divide by a zero difference; it then falls back to bisection.
-    with np.errstate(all="ignore"):
-        found = elementwise.find_root(function, bracket, args=args)
-    return np.asarray(found.x)

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from identification.model import kernels, scan
+from identification.model import kernels, machine
 from identification.model.scan import Scan
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def forbid(monkeypatch: pytest.MonkeyPatch) -> None:
     def compiled(*arguments: object) -> object:
         raise AssertionError("compiled, although it was kept")
 
-    monkeypatch.setattr(scan, "_compile", compiled)
+    monkeypatch.setattr(machine, "_compile", compiled)
 
 
 def test_a_cached_loop_gives_the_same_bits(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

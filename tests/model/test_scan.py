@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identification.errors import ComputationError
 from identification.model.loop import lower
 from identification.model.lowering import LANES
-from identification.model.scan import Scan, scan_of
+from identification.model.scan import Effort, Scan, scan_of
 
 Array = NDArray[np.float64]
 Operation = Callable[[ca.SX, ca.SX], ca.SX]
@@ -73,15 +73,25 @@ def one_step(expression: Operation) -> ca.Function:
     return ca.Function("step", [carry, given_input, parameter], [carry, ca.vertcat(*outputs)])
 
 
+FORMS: dict[str, tuple[Effort, int]] = {
+    "interpreted": ("once", 1),
+    "unoptimised": ("some", 1),
+    "optimised": ("some", 1001),
+}
+"""Forms of a loop: the effort and the number of rows for which it is chosen."""
+
+
+@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", OPERATIONS)
 @settings(max_examples=25, deadline=None)
 @given(numbers=st.lists(NUMBERS, min_size=6, max_size=6))
-def test_each_operation_gives_what_casadi_gives(name: str, numbers: list[float]) -> None:
+def test_each_operation_gives_what_casadi_gives(name: str, form: str, numbers: list[float]) -> None:
     """Reference: evaluation by CasADi, for operands from any source."""
-    step = one_step(OPERATIONS[name])
+    step, (effort, rows) = one_step(OPERATIONS[name]), FORMS[form]
     carry, given_input, parameter = np.array(numbers).reshape(3, 2)
+    inputs = np.repeat(given_input[None, :], rows, axis=0)
 
-    _, outputs = scan_of(step)([given_input[None, :]], parameter[:, None], [carry[:, None]])
+    _, outputs = scan_of(step, effort=effort)([inputs], parameter[:, None], [carry[:, None]])
 
     expected = np.asarray(step(carry, given_input, parameter)[1]).ravel()
     np.testing.assert_allclose(outputs[0][0, :, 0], expected, rtol=1e-13, atol=1e-14)
@@ -89,12 +99,14 @@ def test_each_operation_gives_what_casadi_gives(name: str, numbers: list[float])
 
 @pytest.mark.parametrize("name", ["add", "multiply", "divide", "exp", "tanh", "square"])
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_not_a_number_and_infinity_survive(name: str, bad: float) -> None:
+@pytest.mark.parametrize("form", FORMS)
+def test_not_a_number_and_infinity_survive(name: str, bad: float, form: str) -> None:
     """Reference: IEEE arithmetic, as in CasADi's virtual machine."""
-    step = one_step(OPERATIONS[name])
+    step, (effort, rows) = one_step(OPERATIONS[name]), FORMS[form]
     carry, given_input, parameter = np.array([[bad, 2.0], [3.0, bad], [bad, bad]])
+    inputs = np.repeat(given_input[None, :], rows, axis=0)
 
-    _, outputs = scan_of(step)([given_input[None, :]], parameter[:, None], [carry[:, None]])
+    _, outputs = scan_of(step, effort=effort)([inputs], parameter[:, None], [carry[:, None]])
 
     expected = np.asarray(step(carry, given_input, parameter)[1]).ravel()
     np.testing.assert_array_equal(outputs[0][0, :, 0], expected)
@@ -116,13 +128,14 @@ def random_problem(lanes: int, rows: int, seed: int) -> tuple[Array, Array, Arra
     return inputs, rng.uniform(0.5, 2.0, (2, lanes)), rng.normal(size=(2, lanes))
 
 
+@pytest.mark.parametrize("effort", ["once", "most"])
 @pytest.mark.parametrize("lanes", [1, LANES - 1, LANES, LANES + 3])
-def test_the_loop_equals_casadis_mapaccum(lanes: int) -> None:
+def test_the_loop_equals_casadis_mapaccum(lanes: int, effort: Effort) -> None:
     """Reference: the step repeated by CasADi's mapaccum, one lane at a time."""
     step, rows = oscillator(), 40
     inputs, parameters, carries = random_problem(lanes, rows, seed=lanes)
 
-    finals, outputs = scan_of(step)([inputs], parameters, [carries])
+    finals, outputs = scan_of(step, effort=effort)([inputs], parameters, [carries])
 
     repeated = step.mapaccum(rows)
     for lane in range(lanes):

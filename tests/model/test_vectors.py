@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import casadi as ca
 import numpy as np
 import pytest
 
-from identification.model import lowering
+from identification.model import lowering, vectors
 from identification.model.scan import Scan
 
 FUNCTIONS = {
@@ -27,12 +29,26 @@ def scanned(function: object, points: np.ndarray) -> np.ndarray:
     return np.asarray(outputs[0][0, 0])
 
 
+@pytest.fixture(params=[4, 8])
+def width(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Width of the registers, if this processor has them."""
+    lanes = int(request.param)
+    if lanes > vectors.vector_width():
+        pytest.skip("the processor has no registers of this width")
+    for module in (lowering, vectors):
+        monkeypatch.setattr(module, "vector_width", lambda: lanes)
+    vectors.vector_functions.cache_clear()
+    yield lanes
+    vectors.vector_functions.cache_clear()
+
+
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_a_function_of_registers_is_within_four_units_of_the_last_place(
-    name: str, monkeypatch: pytest.MonkeyPatch
+    name: str, width: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The specified accuracy of libmvec is four ulp; the scalar functions are the reference."""
     function, points = FUNCTIONS[name]
+    assert all(f"N{width}v" in symbol for symbol in vectors.vector_functions().values())
     fast = scanned(function, points)
     monkeypatch.setattr(lowering, "vector_function", lambda name: None)
     slow = scanned(function, points)

@@ -1,0 +1,108 @@
+"""Passes over records in blocks of rows, so that memory does not grow with their substeps.
+
+A sample interval has up to 64 substeps, each with a row of inputs and of outputs.  Only the outputs
+at samples are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.scan import LANES, Scan
+
+__all__ = ["BLOCK", "blocks", "sampled", "single", "stretch"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+BLOCK: Final = 65_536
+"""Rows of a block, over all records; derivatives of as many take tens of megabytes."""
+
+
+def blocks(
+    lengths: Sequence[int], rows: int, lead: int = 0, most: int = BLOCK
+) -> Iterator[tuple[list[int], list[slice]]]:
+    """Iterate over blocks: the records that extend into each, and their samples in it.
+
+    Args:
+        lengths: Number of samples of each record.
+        rows: Number of rows of all records.
+        lead: Least number of samples of a block.
+        most: Rows of a block.
+    """
+    each = max(most * sum(lengths) // (rows * len(lengths)), lead, 1)
+    for first in range(0, max(lengths), each):
+        going = [k for k, length in enumerate(lengths) if length > first]
+        yield going, [slice(first, min(first + each, lengths[k])) for k in going]
+
+
+def stretch(inputs: Array, first_rows: Index | None, samples: slice) -> tuple[Array, Index | None]:
+    """Inputs of a range of samples of one record, and the row index of each sample.
+
+    Args:
+        inputs: (n_row, n_input) of the record.
+        first_rows: (n_sample,) row index of each sample; None if every row is a sample.
+        samples: The range.
+
+    Returns:
+        (n_row, n_input), and (n_sample,) row indices, None if every row is a sample.
+    """
+    if first_rows is None:
+        return inputs[samples], None
+    begin = first_rows[samples.start]
+    end = first_rows[samples.stop] if samples.stop < first_rows.size else inputs.shape[0]
+    return inputs[begin:end], first_rows[samples] - begin
+
+
+def sampled(
+    scan: Scan,
+    inputs: Sequence[Array],
+    first_rows: Sequence[Index] | None,
+    values: Array,
+    carries: Sequence[Array],
+) -> list[Array]:
+    """Outputs of a loop at the samples of each record, (n_sample, n_output, n_lane).
+
+    Args:
+        scan: The loop.
+        inputs: For each record (n_row, n_input).
+        first_rows: For each record (n_sample,) row indices; None if every row is a sample.
+        values: (n_parameter, n_lane).
+        carries: For each record the carry before the first row, (n_carry, n_lane).
+    """
+    if first_rows is None:
+        return scan(inputs, values, carries)[1]
+    carries = list(carries)
+    found = [np.empty((at.size, scan.n_output, values.shape[1])) for at in first_rows]
+    lengths = [at.size for at in first_rows]
+    for going, parts in blocks(lengths, sum(rows.shape[0] for rows in inputs)):
+        pairs = [
+            stretch(inputs[k], first_rows[k], part) for k, part in zip(going, parts, strict=True)
+        ]
+        ends, outputs = scan([rows for rows, _ in pairs], values, [carries[k] for k in going])
+        for k, part, end, output, (_, at) in zip(going, parts, ends, outputs, pairs, strict=True):
+            carries[k], found[k][part] = end, output[at]
+    return found
+
+
+def single(scan: Scan, inputs: Array, values: Array, carry: Array) -> Array:
+    """Outputs of a loop of one lane, (n_row, n_output), of one record.
+
+    A pass writes whole blocks of lanes, so the rows are passed in short blocks.
+
+    Args:
+        scan: The loop.
+        inputs: (n_row, n_input).
+        values: (n_parameter, 1).
+        carry: Carry before the first row, (n_carry, 1).
+    """
+    found = np.empty((inputs.shape[0], scan.n_output))
+    for first in range(0, inputs.shape[0], BLOCK // LANES):
+        rows = slice(first, first + BLOCK // LANES)
+        (carry,), (output,) = scan([inputs[rows]], values, [carry])
+        found[rows] = output[:, :, 0]
+    return found
