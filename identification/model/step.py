@@ -97,12 +97,13 @@ def advance(
     slope = ca.SX.sym("du", u.numel())
     linear = ca.Function("linear", [x, u, p, slope], [rates, jacobian, ca.jtimes(rates, u, slope)])
     interval = inputs[0]
-    now, slopes = _inputs_within(model, inputs)
+    is_averaged = bool(ca.depends_on(rates, u[INPUTS.index("turn")]))
+    now, slopes = _inputs_within(model, inputs, is_averaged=is_averaged)
     f, matrix, drift = linear(state, now, parameter, slopes * interval)
     prepare, moves, corrects = _increments(matrix.sparsity().serialize(), plan)
     prepared = prepare.call([matrix, interval])
     moved = moves(*prepared, interval, f, drift)
-    if not _is_curved(rates, x, u):
+    if not _is_curved(rates, x, u, is_averaged=is_averaged):
         return state + moved
     ends = state + moved, now + interval * slopes, parameter
     at_end = ca.Function("rates", [x, u, p], [rates])(*ends)
@@ -110,31 +111,40 @@ def advance(
     return state + moved + corrects(*prepared, interval, missed)
 
 
-def _is_curved(rates: Expression, state: Expression, inputs: Expression) -> bool:
+def _is_curved(
+    rates: Expression, state: Expression, inputs: Expression, *, is_averaged: bool
+) -> bool:
     """Whether the rates are nonlinear in the state or in inputs that vary within an interval."""
-    moving = [inputs[k] for k, name in enumerate(INPUTS) if name in ("voltage", "time")]
+    names = ("voltage", "time") if is_averaged else ("voltage", "time", "angle")
+    moving = [inputs[k] for k, name in enumerate(INPUTS) if name in names]
     moved = ca.vertcat(state, *moving)
     return bool(ca.depends_on(ca.jacobian(rates, moved), moved))
 
 
-def _inputs_within(model: MotorModel, inputs: Expression) -> tuple[Expression, Expression]:
+def _inputs_within(
+    model: MotorModel, inputs: Expression, *, is_averaged: bool = False
+) -> tuple[Expression, Expression]:
     """Inputs at the start of the interval and their slopes [1/s].
 
     The reciprocal of a zero length (the last interval of a record) is replaced by zero, so nothing
     divides by zero.
+
+    Args:
+        model: The model.
+        inputs: (n_input,).
+        is_averaged: Whether a torque is averaged over the angle, which is then the middle one.
     """
     column = {name: inputs[k] for k, name in enumerate(INPUTS)}
     inverse = ca.if_else(column["interval"] > 0, 1 / column["interval"], 0)
     now, slope = [], []
     for name in INPUTS:
         change = column.get(f"{name}_next", column[name]) - column[name]
-        if name in ("temperature", "angle"):
-            # Held at its mid-interval value.  A linear change would enter through df/dt alone: A
-            # would keep the start temperature, a first-order error in the heating, and a torque
-            # with several periods in the interval would have a huge derivative.
+        if name == "temperature" or (name == "angle" and is_averaged):
+            # Held at its mid-interval value.  A linear change would enter through df/dt alone and
+            # leave A at the start temperature, a first-order error in the heating.
             now.append(column[name] + 0.5 * change)
             slope.append(ca.SX(0))
-        elif name == "voltage" and model.held == "foh":
+        elif name == "angle" or (name == "voltage" and model.held == "foh"):
             now.append(column[name])
             slope.append(change * inverse)
         else:
