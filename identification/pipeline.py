@@ -51,6 +51,7 @@ from identification.selection.long import search_long
 from identification.selection.non_identifiable import linear_parts_of, with_linear_parts
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
+from identification.selection.thermometer import thermometer_errors
 from identification.threads import repeatable_algebra
 from identification.work import metered, was_interrupted
 
@@ -306,6 +307,7 @@ def _omitted(
         *unknown_gain(final, [gain.ratio for gain in gains]),
         *(outcome.omitted if outcome else ()),
         *_confounded(declared, outcome),
+        *thermometer_errors(final, effective_fraction(final)),
     )
 
 

@@ -53,6 +53,7 @@ class Record:
             temperature input is then a ramp by `RAMP` around this value.
         whole: (n_sample, 2) weights before `within` removed the edges; None if it removed none.
         resolution: Quantisation step of the logged temperature, zero if noise dithers it [K].
+        duration: Duration of the whole record, of which this may be a segment [s].
     """
 
     run: int
@@ -66,6 +67,7 @@ class Record:
     expected: float | None = None
     whole: Array | None = None
     resolution: float = 0.0
+    duration: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -215,7 +217,7 @@ def _record(
         run=number, name=run.name, start=start, time=time,
         inputs=np.column_stack([columns[name] for name in INPUTS]),
         measured=np.column_stack([run.current[span], speed]), weight=weight,
-        angle_logged=run.position is not None,
+        angle_logged=run.position is not None, duration=float(time[-1] - time[0]),
     )  # fmt: skip
 
 
