@@ -52,6 +52,7 @@ from identification.selection.non_identifiable import linear_parts_of, with_line
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
 from identification.selection.thermometer import thermometer_errors
+from identification.selection.unresolved import unresolved_transients
 from identification.threads import repeatable_algebra
 from identification.work import metered, was_interrupted
 
@@ -308,6 +309,7 @@ def _omitted(
         *(outcome.omitted if outcome else ()),
         *_confounded(declared, outcome),
         *thermometer_errors(final, effective_fraction(final)),
+        *unresolved_transients(final, effective_fraction(final)),
     )
 
 
