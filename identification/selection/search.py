@@ -1,6 +1,6 @@
 """Forward selection of effects with backward elimination and exchange.
 
-     1  M <- nominal model
+     1  M <- nominal model, or a given model with extended variants as in 7
      2  repeat while the budget of the catalogue lasts, at most `rounds` times
      3      predict the gain of every candidate given M (Rao score)       Trials.scores
      4      refit the candidates with the largest predicted gain          Trials.refits
@@ -91,6 +91,8 @@ def search(
     nominal = trials.evaluate(declared)
     state = State(trials, nominal, nominal if begin is None else trials.evaluate(begin))
     is_exhausted = is_cut_short = is_postponed = False
+    if begin is not None:
+        enrich(state)
     for done in range(policy.rounds):
         report(done / (policy.rounds + 2))
         if listed.spent:
@@ -108,8 +110,9 @@ def search(
             listed = listed.longer(operations() - began)
         if state.curve is not None and _is_far_better(state, state.curve):
             break
-        is_postponed = done > 0 and lacks_more(state)
-        if done > 0 and not is_postponed:
+        has_others = done > 0 or begin is not None
+        is_postponed = has_others and lacks_more(state)
+        if has_others and not is_postponed:
             backward(state)
             exchange(state)
     if is_exhausted and is_postponed:
