@@ -49,6 +49,8 @@ from identification.selection.long import search_long
 from identification.selection.non_identifiable import linear_parts_of, with_linear_parts
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
+from identification.selection.thermometer import thermometer_errors
+from identification.selection.unresolved import unresolved_transients
 from identification.speed_loop import feedback_metrics, parse_controllers, suited_controller
 from identification.speed_loop.nonlinear import simulated_loops
 from identification.threads import repeatable_algebra
@@ -301,6 +303,8 @@ def _omitted(
         *unknown_gain(final, [gain.ratio for gain in gains]),
         *(outcome.omitted if outcome else ()),
         *_confounded(declared, outcome),
+        *thermometer_errors(final, effective_fraction(final)),
+        *unresolved_transients(final, effective_fraction(final)),
     )
 
 

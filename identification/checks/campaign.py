@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.balance import Signals, balances_of, has_signal, signals_of
+from identification.checks.between_samples import aliased_findings
 from identification.checks.consistency import consistency_findings, estimate_of
 from identification.checks.dead import copied_findings, dead_findings, stuck_findings
 from identification.checks.finding import Finding
@@ -91,6 +92,7 @@ def _single(run: Run, strongest: NDArray[np.float64]) -> list[Finding]:
         return unlogged_voltage_findings(run, signals) + jumps
     for check in (
         copied_findings,
+        aliased_findings,
         unlogged_voltage_findings,
         dead_findings,
         stuck_findings,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import casadi as ca
@@ -10,10 +11,9 @@ import numpy as np
 
 from identification.effects.confusion import RESISTANCE, TORQUE_CONSTANT
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
-from identification.effects.parameters import columns, shape
+from identification.effects.parameters import amplitude, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTemperature, Expression, Signals, State, Values
-from identification.model.unlogged import WARMING
 
 __all__ = ["MagnetLag", "WindingLag"]
 
@@ -34,6 +34,12 @@ _WORDS: Final = {
 }
 """Variant by direction; the direction is a setting in results and keeps its text."""
 _IN_STEPS: Final = ", coarse resolution"
+_HARMONICS: Final = 5
+"""Sine and cosine pairs of the error of a log in coarse steps."""
+_ERRORS: Final = (
+    "error",
+    *(f"{wave}_{k}" for k in range(1, _HARMONICS + 1) for wave in ("cosine", "sine")),
+)
 
 
 def _moves(scales: CampaignScales) -> bool:
@@ -97,26 +103,25 @@ class WindingLag(_Lag):
 
         dT_w/dt = (T - T_w) / tau            winding lags T                    [K/s]
         T_w = T + tau dT/dt                  T lags the winding                [degC]
-        T_w = T + tau dT/dt + departure      the same, T in coarse steps       [degC]
+        T_w = T + e + tau d(T + e)/dt        the same, T in coarse steps       [degC]
 
-        D d(departure)/dt = warming,   D d(warming)/dt = bend                  [K]
+        e = e_0 + sum_k c_k cos(k pi t / D) + s_k sin(k pi t / D),   k <= 5    [K]
 
     The second law inverts the lag of a thermometer, such as a thermocouple on the case.  It holds
     for any course of the temperature.  dT/dt is the derivative of a smoothing spline through the
     log; noise and resolution of the thermometer hardly affect it.  If the thermometer lags all
     parts of the motor, the law applies to the magnet as well.
 
-    If the log has coarse steps without noise to dither them, its derivative is unknown within a
-    step.  The third law, an extended variant, therefore adds a parabola over time to the winding
-    temperature, free in each record; D is the duration of the longest record.  The prior standard
-    deviation of departure, warming and bend is initially 10 K, like that of the warming in a run
-    without a logged temperature.
+    If the log has coarse steps without noise to dither them, the temperature is unknown within half
+    a step, and its derivative with it.  The third law, an extended variant, therefore adds an error
+    e, free in each record; D is the duration of the longest run.  Each amplitude has the standard
+    deviation of rounding, step / sqrt(12), or that of the amplitudes in the runs if it is larger.
 
     Args:
         direction: Direction of the lag.
-        duration: Duration D of the longest record [s].
+        duration: Duration D of the longest run [s].
         step: Step of the log if no noise dithers it, else zero [K].
-        size: Prior standard deviation of the departure; zero without a departure [K].
+        size: Prior standard deviation of the amplitudes of e; zero without e [K].
     """
 
     direction: str = _BEHIND
@@ -134,25 +139,33 @@ class WindingLag(_Lag):
 
     @property
     def variant(self) -> str:
-        """Direction of the lag, and whether there is a departure."""
+        """Direction of the lag, and whether the log has coarse steps."""
         return _WORDS.get(self.direction, self.direction) + (_IN_STEPS if self.size else "")
 
     @property
     def richer(self) -> tuple[WindingLag, ...]:
-        """The variant with a departure, if the log lags and has coarse steps."""
-        return () if self.size or not self.step else (self.expecting(WARMING),)
+        """The variant with an error of the log, if the log lags and has coarse steps."""
+        return () if self.size or not self.step else (self.expecting(self.step),)
+
+    def _in_steps(self) -> Candidate:
+        """Candidate of the variant with an error of the log."""
+        lag = (_SCANNED[2] * self.duration,)
+        starts = columns(*[(*lag, *errors) for errors in self.step * np.eye(len(_ERRORS))])
+        values = (getattr(self, field.name) for field in fields(self))
+        scored = _ScoredError(*values)
+        return Candidate(scored, starts, len(_ERRORS), self.expecting(0.0), columns(lag))
 
     def expecting(self, size: float) -> WindingLag:
-        """The term with this prior standard deviation of the departures [K]."""
-        return replace(self, size=size)
+        """The term with an error whose amplitudes have this standard deviation or more [K]."""
+        return replace(self, size=max(size, self.step / math.sqrt(12.0)))
 
     @property
     def states(self) -> tuple[State, ...]:
-        """Temperature of a lagging winding, or departure, warming and bend of a record."""
+        """Temperature of a lagging winding, or amplitudes of the error of a record."""
         if self.direction == _BEHIND:
             return super().states
-        course = ("departure", "warming", "bend") if self.size else ()
-        return tuple(State(name, "K", scale=self.size, is_own=True) for name in course)
+        errors = _ERRORS if self.size else ()
+        return tuple(State(name, "K", scale=self.size, is_own=True) for name in errors)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -170,30 +183,65 @@ class WindingLag(_Lag):
         if self.direction == _BEHIND:
             return super().felt(before, signals, states, values)
         ahead = before + values.time_constant * signals.temperature_rate
-        return ahead + states.departure if self.size else ahead
+        return ahead + self._error(signals, states, values) if self.size else ahead
+
+    def _error(self, signals: Signals, amplitudes: Values, values: Values) -> Expression:
+        """Error of the log and its derivative, as the body feels them [K]."""
+        felt = amplitudes.error
+        for k in range(1, _HARMONICS + 1):
+            rate = k * np.pi / self.duration
+            cosine, sine = ca.cos(rate * signals.time), ca.sin(rate * signals.time)
+            lead = values.time_constant * rate
+            felt += getattr(amplitudes, f"cosine_{k}") * (cosine - lead * sine)
+            felt += getattr(amplitudes, f"sine_{k}") * (sine + lead * cosine)
+        return felt
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rates of the winding's temperature, or of departure, warming and bend [K/s]."""
+        """Rate of the winding's temperature, or none of the constant amplitudes [K/s]."""
         if self.direction == _BEHIND:
             return super().rates(signals, states, values)
-        if not self.size:
-            return []
-        return [states.warming / self.duration, states.bend / self.duration, ca.SX(0)]
+        return [ca.SX(0)] * len(self.states)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate per direction of the lag, if the temperature varies within a record."""
-        if not _moves(scales):
-            return []
-        shortest, longest = scales.duration / 200, scales.duration
-        # A record cannot reveal a lag of the log that is longer than the record.
-        starts = columns(*[(f * scales.duration,) for f in _SCANNED[:-1]])
+        """One candidate per direction of the lag, if the temperature varies within a record.
+
+        A log in coarse steps can hide such a variation.
+        """
+        # The temperature of a segment comes from the whole record.
+        duration = max(record.duration for record in scales.records)
+        shortest, longest = duration / 200, duration
         step = max(record.resolution for record in scales.records)
-        ahead = [
-            Candidate(cls(shortest, longest, d, scales.duration, step), starts)
-            for d in (_AHEAD, _BOTH_AHEAD)
-        ]
-        return [*super().candidates(scales), *ahead]
+        directions = (_AHEAD, _BOTH_AHEAD)
+        ahead = [cls(shortest, longest, each, duration, step) for each in directions]
+        coarse = [term._in_steps() for term in ahead] if step else []
+        if not _moves(scales):
+            return coarse
+        # A record cannot reveal a lag of the log that is longer than the record.
+        starts = columns(*[(f * duration,) for f in _SCANNED[:-1]])
+        return [*super().candidates(scales), *[Candidate(term, starts) for term in ahead], *coarse]
+
+
+class _ScoredError(WindingLag):
+    """Prototype of an error of the log, as a lagging body feels it, with scored amplitudes."""
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """None."""
+        return ()
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Time constant and amplitudes."""
+        size = self.step
+        errors = (amplitude(name, "K", name, size, signed=True) for name in _ERRORS)
+        return (*super().parameters, *errors)
+
+    def felt(
+        self, before: Expression, signals: Signals, states: Values, values: Values
+    ) -> Expression:
+        """Temperature of the body [degC]."""
+        return before + self._error(signals, values, values)
 
 
 @register

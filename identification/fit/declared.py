@@ -35,6 +35,9 @@ _SHARP: Final = 0.03
 _LEG: Final = 5
 _LEGS: Final = 11
 _LEAST_INDUCTANCE: Final = 2e-3
+_NEAR_BOUND: Final = 1.01
+_REBOUNDS: Final = 5
+"""Renewals of the lower bound of L at most; each resistance is closer to the optimum."""
 
 
 def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
@@ -55,7 +58,7 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
             break
         simulator = Simulator.fitting(model, records, values)
         coordinates = _bounded(simulator, records, values)
-        fit = _followed(simulator, coordinates, coordinates.of(values))
+        fit = _rebounded(_followed(simulator, coordinates, coordinates.of(values)))
         if best is None or fit.cost < best.cost:
             best = fit
     if best is None or not np.isfinite(best.cost):
@@ -64,6 +67,27 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
             "expected finite currents and speeds: check units and the sign of each channel"
         )
     return settled(best)
+
+
+def _rebounded(fit: Fit) -> Fit:
+    """Continue a fit whose L is at a lower bound from a far larger starting resistance."""
+    row = fit.coordinates.names.index("L")
+    for _ in range(_REBOUNDS):
+        parameters = list(fit.coordinates.parameters)
+        least = _least_inductance(fit.simulator.records, fit.values)
+        at = parameters[row].lower
+        if fit.values[row] > _NEAR_BOUND * at or at < _NEAR_BOUND * least:
+            break
+        parameters[row] = replace(parameters[row], lower=least)
+        coordinates = Coordinates(parameters)
+        fit = _followed(fit.simulator, coordinates, coordinates.of(fit.values))
+    return fit
+
+
+def _least_inductance(records: Sequence[Record], values: Array) -> float:
+    """L with an electrical time constant too far below the sample interval to differ from zero."""
+    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
+    return _LEAST_INDUCTANCE * float(values[0]) * interval
 
 
 def _is_sharp(fit: Fit) -> bool:
@@ -112,11 +136,7 @@ def _ranked(model: MotorModel, records: Sequence[Record], candidates: Array) -> 
 def _bounded(simulator: Simulator, records: Sequence[Record], values: Array) -> Coordinates:
     """Coordinates with a lower bound on L, below which the sampling cannot resolve it."""
     parameters = list(simulator.model.parameters)
-    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
     for k, parameter in enumerate(parameters):
         if parameter.name == "L":
-            # An electrical time constant far below the sample interval cannot be distinguished from
-            # zero.
-            least = _LEAST_INDUCTANCE * float(values[0]) * interval
-            parameters[k] = replace(parameter, lower=least)
+            parameters[k] = replace(parameter, lower=_least_inductance(records, values))
     return scaled_coordinates(parameters, values)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.normal_equations import NormalEquations, normal_equations
+from identification.fit.own_states import own_cost
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
@@ -293,6 +294,6 @@ def _cost(
     """Cost of each lane of `position`, and the noise model scaled to the best lane."""
     sums = simulator.misfit(coordinates.values(position), states, weighting)
     prior = coordinates.log_prior(position)
-    cost = weighting.sized(sums)[1] - prior
+    cost = weighting.sized(sums)[1] - prior + own_cost(simulator, states)
     cost = np.where(np.isfinite(cost), cost, np.inf)
     return cost, weighting.sized(sums[:, int(np.argmin(cost))])[0]

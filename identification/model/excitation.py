@@ -47,6 +47,7 @@ class Record:
         whole: (n_sample, 2) weights before `within` removed the edges; None if it removed none.
         resolution: Quantisation step of the logged temperature, zero if noise dithers it [K].
         raw_angle: (n_sample,) angle before `with_angle` corrected it; None if it did not [rad].
+        duration: Duration of the whole record, of which this may be a segment [s].
     """
 
     run: int
@@ -61,6 +62,7 @@ class Record:
     whole: Array | None = None
     resolution: float = 0.0
     raw_angle: Array | None = None
+    duration: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -222,7 +224,7 @@ def _record(
         run=number, name=run.name, start=start, time=time,
         inputs=np.column_stack([columns[name] for name in INPUTS]),
         measured=np.column_stack([run.current[span], speed]), weight=weight,
-        angle_logged=run.position is not None,
+        angle_logged=run.position is not None, duration=float(time[-1] - time[0]),
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fit.own_states import own_cost
 from identification.fit.solve import Fit
 from identification.linear import root
 from identification.model.simulate import Simulator
@@ -160,4 +161,5 @@ class Posterior:
         with np.errstate(over="ignore", invalid="ignore"):
             channels = counts * log_deviation + 0.5 * sums * np.exp(-2 * log_deviation)
             density = prior - self.fraction * np.sum(channels, axis=0)
+            density = density - own_cost(simulator, states)
         return np.where(inside & np.isfinite(density), density, -np.inf)

@@ -50,8 +50,14 @@ def error_entries(findings: Findings) -> dict[str, dict[str, Errors | None]]:
 
 
 def missed_channels(findings: Findings) -> list[ResultWarning]:
-    """Warnings on channels that the final model does not explain although they exceed the noise."""
-    errors = _errors(findings.simulated["after"]["training"], findings.noise) or {}
+    """Warnings on channels that the final model does not explain although they exceed the noise.
+
+    White residuals of all channels that are as large as the signals themselves are no sensor noise
+    either: with samples too far apart, every sample is unrelated to the one before.
+    """
+    simulated = findings.simulated["after"]["training"]
+    errors = _errors(simulated, findings.noise) or {}
+    is_nothing = _explains_nothing(simulated)
     return [
         ResultWarning(
             UNEXPLAINED_CHANNEL,
@@ -60,11 +66,21 @@ def missed_channels(findings: Findings) -> list[ResultWarning]:
             f"{100.0 * (entry['nrmse'] or 0.0):.3g} % (limit {100.0 * _NOTHING:.3g} %) and the "
             f"RMSE is {entry['noise_ratio']:.3g} times the sensor noise, so no parameter counts as "
             "identified",
-            "check signs, units and columns of the runs",
+            "check signs, units, columns and the sample interval of the runs",
         )
         for channel, entry in errors.items()
-        if (entry["nrmse"] or 0.0) > _NOTHING and (entry["noise_ratio"] or 0.0) > _BEYOND_NOISE
+        if (entry["nrmse"] or 0.0) > _NOTHING
+        and (is_nothing or (entry["noise_ratio"] or 0.0) > _BEYOND_NOISE)
     ]
+
+
+def _explains_nothing(simulated: Sequence[Simulated]) -> bool:
+    """Whether the errors of all fitted channels are as large as the measured signals."""
+    errors, signals = np.zeros(2), np.zeros(2)
+    for one in simulated:
+        errors += np.sum(one.record.weight * one.residual**2, axis=0)
+        signals += np.sum(one.record.weight * one.record.measured**2, axis=0)
+    return bool(np.all(errors[signals > 0.0] > _NOTHING**2 * signals[signals > 0.0]))
 
 
 def unexplained_channels(findings: Findings) -> list[ResultWarning]:

@@ -22,6 +22,7 @@ from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 from identification.selection.outcome import Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.refit import with_known_amplitudes
 from identification.selection.search import search
 from identification.selection.subset import fitted_to, representative_subset
 from identification.selection.trials import Trials
@@ -90,4 +91,6 @@ def _confirmed(declared: Fit, found: Outcome, trials: Trials) -> tuple[Fit, tupl
             kept.append(replace(effect, criteria=criteria))
         else:
             current = simpler
-    return current.fit, tuple(sorted(kept, key=lambda effect: -effect.criteria.gain))
+    return with_known_amplitudes(current.fit), tuple(
+        sorted(kept, key=lambda effect: -effect.criteria.gain)
+    )

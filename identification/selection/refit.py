@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.effect import AbstractEffect
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.order_tracking import tracked
+from identification.fit.own_states import amplitude_sizes
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
 from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
@@ -40,6 +41,10 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _LIMITS: Final = TerminationLimits(DEFAULT.steps)
+_RESIZED: Final = 6
+"""Refits at most until the prior scale of per-record amplitudes agrees with the amplitudes."""
+_SAME_SIZE: Final = 0.05
+"""Logarithm of the ratio of two scales that count as equal [-]."""
 
 
 def refitted_with(
@@ -112,23 +117,22 @@ def as_declared(fit: Fit, declared: Fit) -> Fit:
 
 
 def with_known_amplitudes(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:
-    """The fit with the prior scale of per-record amplitudes set to their fitted RMS value.
+    """The fit with the prior scale of per-record amplitudes set to their size in these runs.
 
     The amplitudes of a new run are then expected to be as large as those of the fitted runs.
     Without this prior, the first samples of that run would leave almost any amplitude possible.
     """
-    model, at = fit.simulator.model, 2
-    terms = []
-    for term in model.terms:
-        own = [at + k for k, state in enumerate(term.states) if state.is_own]
-        at += len(term.states)
-        if own:
-            assert isinstance(term, AbstractEffect)
-            term = term.expecting(float(np.sqrt(np.mean([s[own] ** 2 for s in fit.states]))))
-        terms.append(term)
-    if tuple(terms) == model.terms:
-        return fit
-    return _refitted(fit, replace(model, terms=tuple(terms)), (), limits)
+    for _ in range(_RESIZED):
+        model, sizes = fit.simulator.model, amplitude_sizes(fit)
+        terms = []
+        for term in effects_of(model.terms):
+            size = max((state.scale for state in term.states if state.is_own), default=1.0)
+            is_new = abs(np.log(sizes.get(term.name, size) / size)) > _SAME_SIZE
+            terms.append(term.expecting(sizes[term.name]) if is_new else term)
+        if tuple(terms) == model.terms:
+            break
+        fit = _refitted(fit, replace(model, terms=tuple(terms)), (), limits)
+    return fit
 
 
 def _refitted(

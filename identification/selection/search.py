@@ -1,6 +1,6 @@
 """Forward selection of effects with backward elimination and exchange.
 
-     1  M <- nominal model
+     1  M <- nominal model, or a given model with extended variants as in 7
      2  repeat while the budget of the catalogue lasts, at most `rounds` times;
             a round that accepts an effect is not charged to the budget
      3      predict the gain of every candidate given M (Rao score)       Trials.scores
@@ -92,6 +92,8 @@ def search(
     nominal = trials.evaluate(declared)
     state = State(trials, nominal, nominal if begin is None else trials.evaluate(begin))
     is_exhausted = is_cut_short = is_postponed = False
+    if begin is not None:
+        enrich(state)
     for done in range(policy.rounds):
         report(done / (policy.rounds + 2))
         if listed.spent:
@@ -103,7 +105,9 @@ def search(
             is_exhausted = True
             break
         _refunded(began, listed, budget)
-        is_replaced, is_postponed = _consolidate(state, listed, is_first=done == 0)
+        is_replaced, is_postponed = _consolidate(
+            state, listed, is_first=done == 0 and begin is None
+        )
         if is_replaced:
             break
     if is_exhausted and is_postponed:

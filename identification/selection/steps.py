@@ -159,8 +159,9 @@ def enrich(state: State) -> None:
             richer = state.trials.enriched(state.current, term)
             criteria = state.trials.criteria(richer, state.current)
             is_accepted = criteria.refines
+            round_ = max(state.round, 1)
             state.searched.append(
-                Searched(term.name, state.round, criteria.gain, criteria, is_accepted, term.variant)
+                Searched(term.name, round_, criteria.gain, criteria, is_accepted, term.variant)
             )
             if is_accepted:
                 state.current, left = richer, list(term.richer)

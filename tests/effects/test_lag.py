@@ -15,6 +15,7 @@ from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
 from identification.ingest.run import Run
+from identification.selection.scales import scales_of
 from identification.selection.search import search
 from tests.motors import drive, motor_named, simulated
 
@@ -115,7 +116,8 @@ def test_nothing_stands_in_for_what_a_slow_thermometer_in_steps_hides(
 ) -> None:
     """Nominal motor in closed form, with a thermometer that lags by more than a run, in 1 K steps.
 
-    A log that moves by two or three steps determines no derivative, so no effect may absorb it.
+    A log that moves by two or three steps determines no derivative, so no effect may absorb it, and
+    the covariance of the fit includes what it leaves open.
     """
     campaign = _in_steps(lag, 1.0, 0.0, drifts)
 
@@ -123,6 +125,8 @@ def test_nothing_stands_in_for_what_a_slow_thermometer_in_steps_hides(
 
     assert [found.name for found in outcome.effects] == ["winding_lag"]
     np.testing.assert_allclose(outcome.fit.values[:4:2], MOTOR.vector[:4:2], rtol=0.02)
+    missed = (outcome.fit.values[:7] - MOTOR.vector) / outcome.fit.deviations[:7]
+    assert np.abs(missed).max() < 3.0
     for unseen in simulate_unseen(outcome.fit, campaign.validation):
         noise = 0.005 * unseen.record.measured.std(axis=0)
         assert np.all(unseen.residual.std(axis=0) < 1.1 * noise)
@@ -136,3 +140,20 @@ def test_a_log_leaves_open_what_no_noise_dithers(step: float, noise: float, coar
     records = _in_steps(3.0, step, noise, (8.0, -8.0, 4.0, -4.0)).training
 
     assert {round(record.resolution, 6) for record in records} == {coarse}
+
+
+@pytest.mark.parametrize("is_part", [False, True])
+def test_the_error_of_a_log_in_steps_is_a_candidate_even_if_the_log_hardly_moves(
+    is_part: bool,
+) -> None:
+    """A part of a run may show no step, although the temperature changes within the run."""
+    campaign = _in_steps(8.0, 1.0, 0.0, (9.0, -9.0, 4.0, -4.0))
+    if is_part:
+        short = tuple(record.segment(900, 100) for record in campaign.training)
+        campaign = replace(campaign, training=short)
+    fit = fit_declared(campaign.training, "zoh")
+
+    variants = [c.final.variant for c in WindingLag.candidates(scales_of(fit))]
+
+    assert sum(variant.endswith("coarse resolution") for variant in variants) == 2
+    assert (len(variants) > 2) is not is_part

@@ -1,0 +1,120 @@
+"""Consider covariance of a logged temperature in coarse steps.
+
+A log without noise to dither its steps leaves the temperature unknown within half a step, over as
+long as a step lasts.  The smoothed temperature of each record therefore has an unknown error
+
+    e(x) = sum_k a_k P_k(x),     a_k ~ N(0, s^2),     -1 <= x <= 1 over the record,
+
+with Legendre polynomials up to order 5 and s such that e has the variance of rounding, step^2 / 12,
+on average over the record.  This is an upper bound: the instants of the steps limit e further.
+More samples do not average this error.  The change of all parameters with each a_k, to first order,
+joins the intervals.  A term that lags the log also feels the derivative of e.  A model whose terms
+estimate the error, as the lag of a log in coarse steps, needs no such change.
+
+Source: Widrow, Kollar and Liu, IEEE Trans. Instrumentation and Measurement 45 (1996), 353-361
+(rounding error); Schmidt, in Advances in Control Systems 3 (1966), 293-340 (consider covariance).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from identification.fit.derivatives import gradient_of
+from identification.fit.solve import Fit
+from identification.linear import root, solution
+from identification.model.composite import INPUTS
+from identification.model.excitation import Record
+from identification.model.term import AbstractTemperature
+from identification.selection.omitted import OmittedTerm
+from identification.selection.policy import DEFAULT, SelectionPolicy
+
+__all__ = ["thermometer_errors"]
+
+Array = NDArray[np.float64]
+
+_ORDERS: Final = 6
+"""Legendre polynomials of a record's error."""
+
+
+def thermometer_errors(
+    fit: Fit, fraction: float, policy: SelectionPolicy = DEFAULT
+) -> tuple[OmittedTerm, ...]:
+    """Parameter changes by the unknown error of coarse temperature logs, as independent directions.
+
+    Args:
+        fit: Fit at its optimum.
+        fraction: Effective sample fraction [-].
+        policy: Widening of an interval below which a direction is dropped.
+    """
+    if not any(record.resolution for record in fit.simulator.records):
+        return ()
+    terms = [t for t in fit.simulator.model.terms if isinstance(t, AbstractTemperature)]
+    if any(state.is_own for term in terms for state in term.states):
+        return ()
+    steps = _parameter_steps(fit)
+    if not np.isfinite(steps).all():
+        return ()
+    factor = root(fit.equations.covariance(fraction))
+    directions, widenings, _ = np.linalg.svd(solution(factor, steps), full_matrices=False)
+    names = fit.coordinates.names
+    return tuple(
+        OmittedTerm(
+            "temperature_resolution",
+            None,
+            None,
+            dict(zip(names, map(float, factor @ direction * widening), strict=True)),
+        )
+        for direction, widening in zip(directions.T, widenings, strict=True)
+        if widening > policy.widening
+    )
+
+
+def _parameter_steps(fit: Fit) -> Array:
+    """(n_parameter, n_record * n_order) change of the search coordinates by each error."""
+    equations, weighting = fit.equations, fit.weighting
+    deviations = _deviations(fit)
+    size = fit.position.size
+    rights = [np.zeros((size + fit.simulator.n_state, _ORDERS)) for _ in deviations]
+    for block in equations.derivatives.blocks(weighting.order):
+        k = block.record
+        deviation = deviations[k][block.samples]
+        rights[k] += gradient_of(deviation, block.tangent, weighting, k, block.start, block.lead)
+    crossed = [
+        right[:size] - equations.couplings[k].T @ solution(matrix, right[size:])
+        for k, (right, matrix) in enumerate(zip(rights, equations.state_matrices, strict=True))
+    ]
+    return np.asarray(-equations.covariance() @ np.hstack(crossed))
+
+
+def _deviations(fit: Fit) -> list[Array]:
+    """For each record (n_sample, 2, n_order) change of the simulated channels by each error."""
+    known = fit.simulated()
+    values = fit.values[:, None]
+    changed = []
+    for order in range(_ORDERS):
+        records = tuple(_with_error(record, order) for record in fit.simulator.records)
+        logged = replace(fit.simulator, records=records).logged(values, fit.states)
+        changed.append([y[:, :, 0] - k for y, k in zip(logged, known, strict=True)])
+    return [np.stack(own, axis=2) for own in zip(*changed, strict=True)]
+
+
+def _with_error(record: Record, order: int) -> Record:
+    """The record with one standard deviation of one error in its temperature."""
+    span = max(float(record.time[-1] - record.time[0]), 1e-300)
+    where = 2.0 * (record.time - record.time[0]) / span - 1.0
+    shares = 1.0 / (2.0 * np.arange(_ORDERS) + 1.0)
+    series = np.eye(_ORDERS)[order] * record.resolution / np.sqrt(12.0 * shares.sum())
+    error = legendre.legval(where, series)
+    inputs = record.inputs.copy()
+    for name, change in (
+        ("temperature", error),
+        ("temperature_next", np.append(error[1:], error[-1])),
+        ("temperature_rate", legendre.legval(where, legendre.legder(series)) * 2.0 / span),
+    ):
+        inputs[:, INPUTS.index(name)] += change
+    return replace(record, inputs=inputs)
