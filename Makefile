@@ -55,6 +55,15 @@ $(READY): $(LOCKED) pyproject.toml
 	@$(INSTALL) --no-deps --no-build-isolation --editable .
 	@touch $@
 
+# Programs of `make peers`, which the project does not depend on.
+PEERS := .venv-peers
+$(PEERS)/.locked: requirements/peers.txt $(LOCKED)
+	@echo 'Creating $(PEERS) from requirements/peers.txt (once; some minutes, 1.2 GB on disk)'
+	@$(BIN)/python -m venv --clear $(PEERS)
+	@$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --no-input \
+		--require-hashes --only-binary :all: --requirement requirements/peers.txt
+	@touch $@
+
 .PHONY: install
 install: $(READY) ## create or update the virtual environment
 
@@ -142,6 +151,10 @@ same-results: $(READY) ## compare results with those of another version; ARGS="-
 attribution: $(READY) ## measure the identification rate of hidden effects (long)
 	$(BIN)/python -m benchmarks.attribution
 
+.PHONY: peers
+peers: $(READY) $(PEERS)/.locked ## compare with emcee on numba, NUTS, pyPESTO and PySINDy; ARGS="--only posterior" (long)
+	$(BIN)/python -m benchmarks.peers --peers $(PEERS)/bin/python $(ARGS)
+
 .PHONY: design-benchmark
 design-benchmark: $(READY) ## measure how often a designed run separates tied effects; ARGS="--cases 60" (long)
 	$(BIN)/python -m benchmarks.design $(ARGS)
@@ -198,7 +211,7 @@ container-check: $(READY) ## build and test the image without a container engine
 
 .PHONY: clean
 clean: ## remove the environment, the caches and the results
-	rm -rf $(VENV) $(OUT) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
+	rm -rf $(VENV) $(PEERS) $(OUT) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis \
 		.import_linter_cache
 	find app identification motorid bench benchmarks tests -name __pycache__ -type d -prune -exec rm -rf {} +
 

@@ -155,13 +155,13 @@ def sums_of_all_walkers(  # type: ignore[no-untyped-def]
         temperature: (n_run, n_sample) [degC].
         current: (n_run, n_sample) [A].
         speed: (n_run, n_sample) [rad/s].
-        starts: (n_run, 2) current and speed at the first samples.
+        starts: (n_walker, n_run, 2) current and speed at the first samples.
         substeps: Runge-Kutta steps per interval.
     """
     sums = np.empty((walkers.shape[0], 2))
     for n in prange(walkers.shape[0]):
         sums[n, 0], sums[n, 1] = sums_of_squares(
-            walkers[n], interval, voltage, temperature, current, speed, starts, substeps
+            walkers[n], interval, voltage, temperature, current, speed, starts[n], substeps
         )
     return sums
 

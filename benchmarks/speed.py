@@ -86,13 +86,19 @@ class Measured:
     notes: tuple[str, ...]
 
 
-def recorded(case: Case, seed: int) -> tuple[Recording, Array, Array]:
-    """Noisy runs of a motor, its starts (n_run, 2), and the noise (2,) that was added."""
+def recorded(case: Case, seed: int, rows: int = ROWS) -> tuple[Recording, Array, Array]:
+    """Noisy runs of a motor, its starts (n_run, 2), and the noise (2,) that was added.
+
+    Args:
+        case: The motor.
+        seed: Seed of voltage and noise.
+        rows: Samples per run, a multiple of 50.
+    """
     rng = np.random.default_rng(seed)
     values = np.array(case.values)
-    levels = rng.uniform(-1.0, 1.0, (RUNS, ROWS // 50))
+    levels = rng.uniform(-1.0, 1.0, (RUNS, rows // 50))
     voltage = case.voltage * np.repeat(levels, 50, axis=1)
-    temperature = 25.0 + 18.0 * np.arange(RUNS)[:, None] + np.linspace(0.0, 18.0, ROWS)
+    temperature = 25.0 + 18.0 * np.arange(RUNS)[:, None] + np.linspace(0.0, 18.0, rows)
     starts = np.zeros((RUNS, 2))
     fine = 8 * max(1, int(np.ceil(case.interval * values[0] / values[6])))
     clean = np.stack(
@@ -109,7 +115,7 @@ def recorded(case: Case, seed: int) -> tuple[Recording, Array, Array]:
 
 def as_runs(recording: Recording) -> list[Run]:
     """Convert a recording to runs of the package."""
-    time_ = recording.interval * np.arange(ROWS, dtype=np.float64)
+    time_ = recording.interval * np.arange(recording.voltage.shape[1], dtype=np.float64)
     return [
         Run(
             f"run{r}.csv",
@@ -206,7 +212,7 @@ def _likelihoods(
         "hand-written": one_by_one,
         "ours, 64 walkers": lambda: posterior(points),
         "hand-written, 64 walkers on all cores": lambda: handwritten.sums_of_all_walkers(
-            walkers, *arrays
+            walkers, *arrays[:5], np.tile(starts, (WALKERS, 1, 1)), substeps
         ),
         "ours, one walker": lambda: posterior(points[:1]),
     }

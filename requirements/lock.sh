@@ -26,3 +26,4 @@ resolve run pyproject.toml --all-extras "$@"
 resolve build --group build --constraint requirements/run.txt "$@"
 resolve dev pyproject.toml --all-extras --group dev --constraint requirements/run.txt \
     --constraint requirements/build.txt "$@"
+resolve peers --group peers --constraint requirements/dev.txt "$@"

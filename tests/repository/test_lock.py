@@ -18,7 +18,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 GROUPS = PROJECT["dependency-groups"]
-LOCKS = ("run", "build", "dev")
+LOCKS = ("run", "build", "dev", "peers")
 PIN = re.compile(r"(?P<name>[a-z0-9-]+)==(?P<version>[0-9][\w.+!]*)( ; (?P<marker>[^#\\]+?))?")
 HASH = re.compile(r"--hash=sha256:[0-9a-f]{64}")
 MACHINES = [
@@ -80,6 +80,7 @@ def test_no_lock_file_contains_an_address(lock: str) -> None:
         ("dev", PROJECT["project"]["dependencies"]),
         ("dev", GROUPS["build"]),
         ("dev", [line for line in GROUPS["dev"] if isinstance(line, str)]),
+        ("peers", GROUPS["peers"]),
     ],
 )
 def test_lock_file_satisfies_the_bounds_of_the_project(
