@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from benchmarks.peers.statistics import Line, median, of, seconds_per_thousand
-from identification.report.svg import Frame, axes, dots, line, span, svg, text
+from identification.reporting.svg import Frame, axes, dots, line, span, svg, text
 
 __all__ = ["costs_by_rows", "plots"]
 
