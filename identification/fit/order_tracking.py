@@ -11,10 +11,10 @@ from the average over the record, although it is large in each part of it.
 
 The torque itself shows the drift.  In blocks so short that the phase error within one is small, its
 two amplitudes follow from linear least squares with the simulated responses to a sine and a cosine.
-The argument of the two amplitudes is the phase error of the block, with a variance that
-depends on the speed: a fast shaft hardly shows the torque.  The phases are unwrapped outwards from
-the most accurate block and smoothed with the random walk as prior.  The angle of the record is
-corrected by the result.
+The argument of the two amplitudes is the phase error of the block.  Its variance depends on the
+speed, because a fast shaft hardly shows the torque.  The phases are unwrapped outwards from the
+most accurate block and smoothed with the random walk as prior.  The result corrects the angle of
+the record.
 
 Source: Vold and Leuridan, SAE paper 931288 (1993) (order tracking as estimation of a slowly varying
 complex amplitude); Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
@@ -52,6 +52,8 @@ _ENOUGH: Final = 1e-4
 likelihood]: the residual changes by a ten-thousandth."""
 _STEP: Final = 0.01
 """Step of the finite differences, relative to the scale of the torque or one radian [-]."""
+_NO_RESPONSE: Final = 1e-12
+"""Information below which a block shows nothing of the amplitudes, over that of their scale [-]."""
 _FEWEST: Final = 10
 """Samples of a block at least."""
 _PASSES: Final = 3
@@ -227,7 +229,8 @@ def _acquired(
     edges = _edges(record, track.walk, _COARSE)
     matrix, right = series.blocks(edges, slice(2))
     information = np.maximum(0.5 * np.trace(matrix, axis1=1, axis2=2), 1e-300)
-    ridge = 1e-9 * information[:, None, None] * np.eye(2)
+    # A block without any response keeps its amplitudes.
+    ridge = (1e-9 * information + _NO_RESPONSE)[:, None, None] * np.eye(2)
     steps = np.linalg.solve(matrix + ridge, right[:, :, None])[:, :, 0]
     found = amplitudes / size + steps
     square = _mean_square(found, matrix, information)
