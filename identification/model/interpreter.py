@@ -40,6 +40,8 @@ class Interpreted:
     """
 
     def __init__(self, step: ca.Function) -> None:
+        # Held here: of two machines that threads load at once, the cache keeps only one.
+        self._machine = _machine()
         self._widths = step.size1_in(1), step.size1_out(1)
         self._literals: list[float] = [0.0]
         self._before = [(_LITERAL, 0, 0, 0)]
@@ -55,7 +57,7 @@ class Interpreted:
     def run(self, n: int, stride: int, inputs: int, p: int, carry: int, outputs: int) -> None:
         """Repeat the step for a block of lanes; arguments as of a compiled loop."""
         work = np.empty((self._places, LANES))
-        _machine().run(
+        self._machine.run(
             n, stride, inputs, p, carry, outputs,
             self._program.ctypes.data, self._table.ctypes.data, work.ctypes.data,
             self._begin, len(self._program), *self._widths,

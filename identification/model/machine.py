@@ -53,8 +53,10 @@ class Loaded:
     """
 
     def __init__(self, code: bytes, arguments: tuple[Any, ...]) -> None:
+        # Held here: of two linkers that threads make at once, the cache keeps only one.
+        self._linker = _linker()
         builder = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
-        self._library = builder.export_symbol("scan").link(_linker(), f"loop{next(_numbers)}")
+        self._library = builder.export_symbol("scan").link(self._linker, f"loop{next(_numbers)}")
         self.run = ctypes.CFUNCTYPE(None, *arguments)(self._library["scan"])
 
 

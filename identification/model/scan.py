@@ -171,12 +171,13 @@ class Scan:
         charge_once(self, self._preparation)
         for rows, start in zip(inputs, carries, strict=True):
             charge(self.work(rows.shape[0], start.shape[1]))
-        run = self._kernel(sum(rows.shape[0] for rows in inputs)).run
+        # The reference keeps the code loaded, even if another thread replaces the kernel.
+        kernel = self._kernel(sum(rows.shape[0] for rows in inputs))
         if len(tasks) == 1 or threads() == 1:
             for task in tasks:
-                run(*task)
+                kernel.run(*task)
         else:
-            for _ in _workers(threads()).map(lambda task: run(*task), tasks):
+            for _ in _workers(threads()).map(lambda task: kernel.run(*task), tasks):
                 pass
         return finals, outputs
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from identification.errors import ComputationError
+from identification.model import interpreter
 from identification.model.loop import lower
 from identification.model.lowering import LANES
 from identification.model.scan import Effort, Scan, scan_of
@@ -240,3 +242,22 @@ def test_an_operation_without_translation_is_named() -> None:
 def test_the_same_step_is_compiled_once() -> None:
     """Two functions with equal operations share one loop."""
     assert scan_of(oscillator()) is scan_of(oscillator())
+
+
+def test_the_first_loops_of_many_threads_at_once_compute_the_same() -> None:
+    """Threads that find no interpreter and no linker load one each; all results are equal.
+
+    Each loop holds its own, so none is unloaded while another thread computes.
+    """
+    step = oscillator()
+    inputs, parameters, carries = random_problem(4 * LANES, 40, seed=5)
+    expected = Scan(step, effort="once")([inputs], parameters, [carries])[0][0]
+
+    for _ in range(20):
+        interpreter._machine.cache_clear()
+        scans = [Scan(step, effort="once") for _ in range(8)]
+        with ThreadPoolExecutor(8) as pool:
+            found = [pool.submit(scan, [inputs], parameters, [carries]) for scan in scans]
+
+        for future in found:
+            np.testing.assert_array_equal(future.result()[0][0], expected)
