@@ -22,6 +22,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.ingest.run import Run
 
 __all__ = [
@@ -35,8 +36,6 @@ __all__ = [
     "reverses",
     "signals_of",
 ]
-
-Array = NDArray[np.float64]
 
 SAMPLES: Final = 200_000
 """Largest number of samples checked per run; a faulty sensor is faulty from the beginning."""

@@ -30,16 +30,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.checks.balance import Signals
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 from identification.linear import least_squares
 
 __all__ = ["aliased_findings"]
-
-Array = NDArray[np.float64]
 
 _POOR: Final = 0.09
 """Unexplained variance above which a simulation is poor: an NRMSE of 0.3, as in `fit.sensors`."""

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from identification.arrays import Array
 from identification.checks.balance import (
-    Array,
     Balance,
     Signals,
     balances_of,

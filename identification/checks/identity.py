@@ -22,7 +22,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from identification.checks.balance import Array, Balance, Regression, Signals, balances_of
+from identification.arrays import Array
+from identification.checks.balance import Balance, Regression, Signals, balances_of
 from identification.checks.correction import exchange, factor
 from identification.checks.finding import Finding
 from identification.ingest.run import Run

@@ -14,7 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from identification.checks.balance import Array, Balance, Signals, balances_of, reverses
+from identification.arrays import Array
+from identification.checks.balance import Balance, Signals, balances_of, reverses
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 

@@ -22,7 +22,8 @@ from typing import Final
 import numpy as np
 from scipy.special import fdtrc
 
-from identification.checks.balance import Array, Signals, mean_square
+from identification.arrays import Array
+from identification.checks.balance import Signals, mean_square
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 

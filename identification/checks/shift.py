@@ -11,7 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from identification.checks.balance import Array, Signals, balances_of
+from identification.arrays import Array
+from identification.checks.balance import Signals, balances_of
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 

@@ -15,9 +15,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar, Literal, Self, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from identification.arrays import Array
 from identification.effects.confusion import Confusion
 from identification.model.declared import DECLARED
 from identification.model.excitation import Record
@@ -35,7 +33,6 @@ __all__ = [
     "register",
 ]
 
-Array = NDArray[np.float64]
 Effect = TypeVar("Effect", bound="type[AbstractEffect]")
 
 Scope = Literal["all runs", "some runs", "one span"]

@@ -18,14 +18,12 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from identification.arrays import Array
 from identification.model.excitation import Record
 
 __all__ = ["HIGHEST_ORDER", "orders_of"]
-
-Array = NDArray[np.float64]
 
 HIGHEST_ORDER: Final = 36
 """Highest order that is searched, in periods per revolution."""

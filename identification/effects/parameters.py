@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.parameter import Parameter
 
 __all__ = ["amplitude", "asymmetry", "columns", "shape"]
-
-Array = NDArray[np.float64]
 
 
 def amplitude(

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.confusion import INDUCTANCE
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import columns, shape
@@ -27,8 +27,6 @@ __all__ = ["ChannelDelay", "CurrentFilter", "InputHold", "SpeedFilter"]
 
 _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
 
-
-Array = NDArray[np.float64]
 
 _INDUCTANCES = (0.5, 0.2, 0.05)
 """Fractions of a fitted inductance that may remain once a current filter takes up the lag."""

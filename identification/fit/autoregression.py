@@ -14,12 +14,11 @@ from collections.abc import Sequence
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
-__all__ = ["LARGEST_ORDER", "autoregression", "lag_products", "spectrum"]
+from identification.arrays import Array
 
-Array = NDArray[np.float64]
+__all__ = ["LARGEST_ORDER", "autoregression", "lag_products", "spectrum"]
 
 LARGEST_ORDER: Final = 12
 """Largest order of a noise model."""

@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import ComputationError
 from identification.fit.scaling import linear_where_uncertain, scaled_coordinates
 from identification.fit.solve import Fit, TerminationLimits, continued, optimised, renewed
@@ -26,8 +26,6 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 
 __all__ = ["fit_declared", "settled"]
-
-Array = NDArray[np.float64]
 
 _STARTS: Final = 3
 _SHARP: Final = 0.03

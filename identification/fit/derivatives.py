@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.simulate import Simulator
 from identification.model.tangent import TangentBlock, tangent, tangent_blocks
 from identification.model.weighting import Weighting
 from identification.work import TOUCH, charge
 
 __all__ = ["Derivatives", "gradient_of", "products"]
-
-Array = NDArray[np.float64]
 
 _PASSES: Final = 4.0
 """Number of times that a product reads or writes each sensitivity."""

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from identification.arrays import Array
 from identification.fit.initial import fitted_initial_states, improved_initial_states
 from identification.fit.order_tracking import tracked
 from identification.fit.solve import Fit
@@ -17,8 +15,6 @@ from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 
 __all__ = ["Simulated", "simulate_fitted", "simulate_unseen"]
-
-Array = NDArray[np.float64]
 
 _TRACKED: Final = 2
 """Alternations between the angles and the initial states, which depend on each other."""

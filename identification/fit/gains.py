@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.errors import ComputationError
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
@@ -25,8 +25,6 @@ from identification.quantities import DECLARED_PARAMETERS
 from identification.warning import ResultWarning
 
 __all__ = ["GainRatio", "current_gains", "with_one_gain"]
-
-Array = NDArray[np.float64]
 
 _LEAST: Final = np.log(1.25)
 """Smallest log ratio that is considered; a winding 65 K hotter has 1.25 times the resistance."""

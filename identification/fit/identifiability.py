@@ -17,14 +17,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.linear import eigh
 from identification.model.declared import DECLARED
 from identification.model.parameter import Parameter
 
 __all__ = ["Precision", "identified", "precision_of"]
-
-Array = NDArray[np.float64]
 
 _RELATIVE: Final = 1.0 / 3.0
 """Largest relative standard deviation: the estimate is three standard deviations from zero."""

@@ -15,8 +15,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.derivatives import products
 from identification.fit.normal_equations import state_precision
 from identification.linear import solution
@@ -27,8 +27,6 @@ from identification.model.term import AbstractTemperature
 from identification.model.weighting import Weighting
 
 __all__ = ["fitted_initial_states", "improved_initial_states"]
-
-Array = NDArray[np.float64]
 
 _LEAST_HEAD: Final = 50
 _HEAD: Final = (0.1,)

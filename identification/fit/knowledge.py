@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
+from identification.arrays import Array
 from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, solve
 from identification.known import Prior
@@ -31,8 +31,6 @@ from identification.nameplate import NAMEPLATE
 from identification.quantities import DECLARED_PARAMETERS
 
 __all__ = ["LIMIT", "Comparison", "Knowledge", "compared"]
-
-Array = NDArray[np.float64]
 
 _FALSE_ALARMS: Final = 1e-3
 LIMIT: Final = float(norm.isf(0.5 * _FALSE_ALARMS / len(DECLARED_PARAMETERS)))

@@ -30,9 +30,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal, stats
 
+from identification.arrays import Array
 from identification.fit.autoregression import LARGEST_ORDER, autoregression, lag_products
 from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.linear import eigh, root, solution
@@ -44,8 +44,6 @@ __all__ = [
     "student",
     "with_noise_model",
 ]
-
-Array = NDArray[np.float64]
 
 _LARGEST_RISE: Final = 0.1
 _LEG: Final = 4

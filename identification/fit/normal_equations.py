@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.derivatives import Derivatives, gradient_of, products
 from identification.linear import eigh, least_squares, solution
 from identification.model.parameter import Coordinates
@@ -25,8 +25,6 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 
 __all__ = ["NormalEquations", "normal_equations", "state_precision"]
-
-Array = NDArray[np.float64]
 
 _LARGEST = 1e100
 """Entry above which the simulation counts as diverged."""

@@ -31,14 +31,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from identification.arrays import Array
 from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.term import AbstractTerm
 
 __all__ = ["block_edges", "path_size", "retracked", "tracked"]
-
-Array = NDArray[np.float64]
 
 _COARSE: Final = 0.5
 """Variance of the phase error within a block whose phase is unknown [rad^2]."""

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.linear import solution
 from identification.model.composite import MotorModel
 from identification.model.simulate import Simulator
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from identification.fit.solve import Fit
 
 __all__ = ["amplitude_sizes", "own_cost"]
-
-Array = NDArray[np.float64]
 
 
 def own_cost(simulator: Simulator, states: Sequence[Array]) -> Array | float:

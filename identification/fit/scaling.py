@@ -12,13 +12,11 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.parameter import Coordinates, Parameter
 
 __all__ = ["linear_where_uncertain", "scaled_coordinates"]
-
-Array = NDArray[np.float64]
 
 _LOG_WIDTH: Final = 5.0
 _LINEAR_WIDTH: Final = 30.0

@@ -23,15 +23,13 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.ingest.run import Run
 from identification.model.excitation import Record
 from identification.warning import ResultWarning
 
 __all__ = ["bounded_noise", "coarse_warnings", "difference_noise", "noise_ceiling", "step_of"]
-
-Array = NDArray[np.float64]
 
 _MARGIN: Final = 1.5
 _ROWS: Final = 50_000

@@ -27,8 +27,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.normal_equations import NormalEquations, normal_equations
 from identification.fit.own_states import own_cost
 from identification.model.parameter import Coordinates
@@ -37,8 +37,6 @@ from identification.model.weighting import Weighting
 from identification.work import Budget
 
 __all__ = ["Fit", "TerminationLimits", "continued", "optimised", "renewed", "solve"]
-
-Array = NDArray[np.float64]
 
 _LADDER: Final = np.array([0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-1, 1e2])
 _STEEP: Final = np.array([1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])

@@ -21,16 +21,14 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from identification.arrays import Array
 from identification.linear import least_squares
 from identification.model.excitation import Record
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["starting_values"]
-
-Array = NDArray[np.float64]
 
 _CUTOFFS: Final = 8
 _LEAST_SPAN_DEGC: Final = 3.0

@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.initial import fitted_initial_states
 from identification.fit.solve import Fit
 from identification.model.composite import INPUTS, MotorModel
@@ -29,8 +29,6 @@ __all__ = [
     "with_own_temperatures",
     "with_scale_drawn",
 ]
-
-Array = NDArray[np.float64]
 
 _LEAST_SPAN: Final = 1.0
 """Range of logged temperatures below which they do not determine temperature coefficients [K]."""

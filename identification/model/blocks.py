@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.scan import LANES, Scan
 
 __all__ = ["BLOCK", "blocks", "sampled", "single", "stretch"]
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 BLOCK: Final = 65_536

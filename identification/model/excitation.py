@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS
 from identification.model.logged_temperature import coarse_step, smooth_temperature
@@ -21,8 +21,6 @@ from identification.model.unlogged import RAMP
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["Record", "records_of"]
-
-Array = NDArray[np.float64]
 
 _MANY: Final = 10
 """Edges lose their weight only in records longer than this multiple of them."""

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from identification.arrays import Array
 from identification.ingest.run import Run
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["coarse_step", "smooth_temperature"]
-
-Array = NDArray[np.float64]
 
 _KNOTS: Final = 200
 _EDGE: Final = 20

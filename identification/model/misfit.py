@@ -13,8 +13,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.loop import STRIDE
@@ -25,8 +25,6 @@ from identification.model.substeps import Counts, first_rows
 from identification.model.weighting import Weighting
 
 __all__ = ["MisfitLoop", "compared", "is_slow", "misfit_loop"]
-
-Array = NDArray[np.float64]
 
 _STRAIGHT_DEGC: Final = 2e-3
 """Largest deviation of the temperature from linear interpolation between computed transitions; it

@@ -14,9 +14,10 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
+
 __all__ = ["Coordinates", "Parameter"]
 
-Array = NDArray[np.float64]
 Number = TypeVar("Number", np.float64, np.bool_)
 
 

@@ -30,8 +30,8 @@ from typing import Final, Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.interpreter import Interpreted
 from identification.model.loop import STRIDE, lower
 from identification.model.lowering import LANES
@@ -41,7 +41,6 @@ from identification.work import charge, charge_once
 
 __all__ = ["LANES", "Effort", "Scan", "scan_of"]
 
-Array = NDArray[np.float64]
 Effort = Literal["once", "some", "most"]
 
 _COMPILED: Final = {"once": 2.5e5, "some": 5e5, "most": 1e6}

@@ -22,6 +22,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.blocks import sampled, stretch
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
@@ -41,8 +42,6 @@ from identification.model.substeps import (
 from identification.model.weighting import Weighting
 
 __all__ = ["Simulator", "initial_states"]
-
-Array = NDArray[np.float64]
 
 _MARGIN: Final = 1.5
 """Stiffness that a step plan covers, over the stiffness at the values it is made for."""

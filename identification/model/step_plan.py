@@ -16,14 +16,12 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 
 __all__ = ["StepPlan", "plan_for", "stiffness"]
-
-Array = NDArray[np.float64]
 
 TOLERANCE: Final = 1e-8
 """Largest truncated term of the Taylor series, relative to the change over the interval.

@@ -23,6 +23,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.blocks import blocks
 from identification.model.composite import INPUTS, Hold, MotorModel
 from identification.model.scan import Scan, scan_of
@@ -41,7 +42,6 @@ __all__ = [
     "refined_counts",
 ]
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 MOST_SUBSTEPS: Final = 64

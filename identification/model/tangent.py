@@ -16,8 +16,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.blocks import BLOCK, blocks
 from identification.model.composite import MotorModel
 from identification.model.history import history_size
@@ -27,8 +27,6 @@ from identification.model.step import step_function
 from identification.model.step_plan import StepPlan
 
 __all__ = ["TangentBlock", "tangent", "tangent_blocks"]
-
-Array = NDArray[np.float64]
 
 _STRUCTURES: Final = 128
 

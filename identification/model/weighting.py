@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from identification.arrays import Array
 from identification.model.excitation import Record
 
 __all__ = ["Weighting"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,11 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.simulate import Simulator
 
 __all__ = ["coarser"]
-
-Array = NDArray[np.float64]
 
 _TOLERANCES: Final = (np.inf, 1.0, 0.2)
 """Discretisation errors of one interval over the noise that are tried in turn."""

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
+
+from identification.arrays import Array
 
 __all__ = [
     "LARGEST_R_HAT",
@@ -27,8 +28,6 @@ __all__ = [
     "convergence_of",
     "split_r_hat",
 ]
-
-Array = NDArray[np.float64]
 
 LARGEST_R_HAT: Final = 1.03
 """Largest split R-hat of a converged chain [-]."""

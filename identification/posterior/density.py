@@ -18,8 +18,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.own_states import own_cost
 from identification.fit.solve import Fit
 from identification.linear import root
@@ -29,8 +29,6 @@ from identification.posterior.ridge import Ridge
 from identification.posterior.ridge_tracing import ridge_of
 
 __all__ = ["Posterior"]
-
-Array = NDArray[np.float64]
 
 _PROBES: Final = 8
 _LIKE: Final = 0.1

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effort import EFFORTS
 from identification.errors import ComputationError
 from identification.fit.noise import effective_fraction
@@ -22,8 +22,6 @@ from identification.selection.non_identifiable import LinearPart, with_linear_pa
 from identification.selection.omitted import OmittedTerm, with_omitted_drawn
 
 __all__ = ["final_draws", "nominal_draws", "within_signs"]
-
-Array = NDArray[np.float64]
 
 _SIGNED: Final = ("Ra25", "Kt25", "J", "b", "L")
 

@@ -15,14 +15,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.posterior.density import Posterior
 from identification.posterior.proposal import StudentProposal
 
 __all__ = ["Weighted", "largest_shape", "smoothed", "weighted_draws"]
-
-Array = NDArray[np.float64]
 
 _DRAWS: Final = 4096
 _LEAST_DRAWS: Final = 1000

@@ -8,15 +8,13 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from identification.arrays import Array
 from identification.linear import root
 from identification.posterior.ridge import Ridge
 
 __all__ = ["RidgeProposal", "StudentProposal"]
-
-Array = NDArray[np.float64]
 
 _FREEDOM: Final = 50.0
 _INFLATION: Final = 1.05

@@ -12,12 +12,11 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.posterior.checkpoint import Checkpoint, digest
 from identification.posterior.density import Posterior
 
 __all__ = ["chain_key", "kept_backend", "state_of"]
-
-Array = NDArray[np.float64]
 
 _RESOLUTION: Final = 0.01
 

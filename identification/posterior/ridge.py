@@ -18,12 +18,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-__all__ = ["Ridge"]
+from identification.arrays import Array
 
-Array = NDArray[np.float64]
+__all__ = ["Ridge"]
 
 
 @dataclass(frozen=True)

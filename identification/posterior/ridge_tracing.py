@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
+from identification.arrays import Array
 from identification.fit.normal_equations import NormalEquations, normal_equations
 from identification.fit.solve import Fit
 from identification.linear import eigh, least_squares, solution
 from identification.posterior.ridge import Ridge
 
 __all__ = ["ridge_of"]
-
-Array = NDArray[np.float64]
 
 _STEP: Final = 0.5
 _LONGER: Final = 1.5

@@ -19,8 +19,8 @@ from typing import Final, Literal
 import emcee
 import numpy as np
 from emcee import moves
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.convergence import (
     REQUIRED_LENGTH,
@@ -36,7 +36,6 @@ from identification.work import was_interrupted
 
 __all__ = ["Sample", "Source", "sample"]
 
-Array = NDArray[np.float64]
 Source = Literal["chain", "importance", "normal"]
 
 _NARROW: Final = (200.0, 1.02)

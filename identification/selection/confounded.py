@@ -37,8 +37,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import Candidate
 from identification.effects.friction import CoulombFriction
 from identification.effects.parameters import columns
@@ -56,8 +56,6 @@ from identification.selection.start import Along, Start
 from identification.selection.subset import fitted_to, subset_of_fit
 
 __all__ = ["confounded_terms", "turns_one_way"]
-
-Array = NDArray[np.float64]
 
 _REVERSES: Final = 0.1
 """Ratio of the peak speeds of the two directions above which a motor reverses."""

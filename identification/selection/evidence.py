@@ -36,8 +36,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
@@ -54,8 +54,6 @@ __all__ = [
     "probabilities",
     "scores_of",
 ]
-
-Array = NDArray[np.float64]
 
 _BY_CHANCE: Final = 0.5
 """Expected gain of the log likelihood by a parameter that has no effect."""

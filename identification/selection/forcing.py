@@ -17,8 +17,8 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.model.blocks import single
 from identification.model.composite import MotorModel
@@ -37,8 +37,6 @@ from identification.model.term import (
 from identification.work import TOUCH, charge
 
 __all__ = ["responses"]
-
-Array = NDArray[np.float64]
 
 _PASSES = 4.0
 """Reads and writes of each force value in a response, for the count of operations."""

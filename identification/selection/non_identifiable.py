@@ -27,8 +27,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.selection.refit import refitted_as
 from identification.surrogates.collinear import is_formed
@@ -36,8 +36,6 @@ from identification.surrogates.curve import HEIGHTS, REGRESSORS, AbstractCurve
 from identification.surrogates.curves import sampled
 
 __all__ = ["LinearPart", "linear_parts_of", "with_linear_parts", "with_linear_parts_drawn"]
-
-Array = NDArray[np.float64]
 
 _LARGER: Final = 4.0
 """Prior standard deviation of a line over the root mean square of the rest of the curve."""

@@ -20,8 +20,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.selection.score import Score
 
@@ -32,8 +32,6 @@ __all__ = [
     "unknown_gain",
     "with_omitted_drawn",
 ]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.derivatives import gradient_of
 from identification.fit.solve import Fit
 from identification.linear import least_squares, solution
@@ -25,8 +25,6 @@ from identification.selection.start import Along
 from identification.work import TOUCH, charge
 
 __all__ = ["Projection", "Residual", "gain_of"]
-
-Array = NDArray[np.float64]
 
 _PASSES: Final = 6.0
 """Memory passes of a product over each deviation, for the operation count."""

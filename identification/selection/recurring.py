@@ -7,15 +7,13 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import Candidate
 from identification.selection.score import Score, sized
 from identification.selection.start import Along
 
 __all__ = ["recurring"]
-
-Array = NDArray[np.float64]
 
 _AGREES: Final = 3.0
 """Gain of the log likelihood that a run has to add, for odds of twenty to one that the event

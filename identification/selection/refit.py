@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.order_tracking import tracked
@@ -37,8 +36,6 @@ __all__ = [
     "swapped",
     "with_known_amplitudes",
 ]
-
-Array = NDArray[np.float64]
 
 _LIMITS: Final = TerminationLimits(DEFAULT.steps)
 _RESIZED: Final = 6

@@ -7,14 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import Candidate
 from identification.selection.start import Along, Start
 
 __all__ = ["Score", "gathered", "sized"]
-
-Array = NDArray[np.float64]
 
 _OTHERS: Final = 5
 """Further starting points per structure at most, besides the best."""

@@ -14,8 +14,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import AbstractForced, Candidate
 from identification.fit.derivatives import gradient_of
 from identification.fit.order_tracking import block_edges
@@ -33,8 +33,6 @@ __all__ = ["screened"]
 
 _MANY: Final = 1_000_000
 """Samples times prototypes above which better optimised code pays off even if it runs once."""
-
-Array = NDArray[np.float64]
 
 
 def screened(

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effects.effect import Candidate
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
@@ -37,7 +37,6 @@ __all__ = [
     "with_usual_coefficients",
 ]
 
-Array = NDArray[np.float64]
 Point = tuple[Array, list[Array]]
 """Search coordinates, and for each record the initial state."""
 

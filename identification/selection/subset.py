@@ -21,8 +21,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.effort import PART_ROWS
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
@@ -35,8 +35,6 @@ from identification.model.weighting import Weighting
 from identification.selection.policy import DEFAULT, SelectionPolicy
 
 __all__ = ["fitted_to", "informative_segments", "representative_subset", "subset_of_fit"]
-
-Array = NDArray[np.float64]
 
 _PLACES: Final = 4
 """Possible start positions per segment length."""

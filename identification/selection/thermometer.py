@@ -22,8 +22,8 @@ from typing import Final
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.derivatives import gradient_of
 from identification.fit.solve import Fit
 from identification.linear import root, solution
@@ -34,8 +34,6 @@ from identification.selection.omitted import OmittedTerm
 from identification.selection.policy import DEFAULT, SelectionPolicy
 
 __all__ = ["thermometer_errors"]
-
-Array = NDArray[np.float64]
 
 _ORDERS: Final = 6
 """Legendre polynomials of a record's error."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.scales import scales_of
@@ -23,8 +23,6 @@ from identification.surrogates.curve import AbstractCurve
 from identification.surrogates.unlisted import SURROGATES
 
 __all__ = ["Trace", "missing_curves", "traced"]
-
-Array = NDArray[np.float64]
 
 _PEAKS: Final = 3
 """Spectral peaks per channel."""
