@@ -24,21 +24,18 @@ _ASIDE: Final = "run set aside (neither fitted nor used for validation): "
 
 @dataclass(frozen=True)
 class Admission:
-    """The runs to fit, and the findings of the checks.
-
-    Args:
-        training: Runs to fit.
-        validation: Validation runs.
-        findings: Findings in the given runs, contradictions first.
-        set_aside: Runs excluded for a contradiction, with their roles.
-        forced: Whether the runs to fit contain contradictions.
-    """
+    """The runs to fit, and the findings of the checks."""
 
     training: tuple[Run, ...]
+    """Runs to fit."""
     validation: tuple[Run, ...]
+    """Validation runs."""
     findings: tuple[Finding, ...] = ()
+    """Findings in the given runs, contradictions first."""
     set_aside: tuple[tuple[Run, str], ...] = ()
+    """Runs excluded for a contradiction, with their roles."""
     forced: bool = False
+    """Whether the runs to fit contain contradictions."""
 
     @property
     def runs(self) -> tuple[Run, ...]:

@@ -49,22 +49,19 @@ _NOISE_TIMES: Final = 4.0
 
 @dataclass(frozen=True)
 class Signals:
-    """Voltage, current and speed of a run, in SI units.
-
-    Args:
-        time: (n_sample,) [s].
-        voltage: (n_sample,) [V].
-        current: (n_sample,) [A].
-        speed: (n_sample,) [rad/s].
-        joined: (n_sample - 1,) False for an interval that crosses a gap of the record or touches a
-            saturated sample.
-    """
+    """Voltage, current and speed of a run, in SI units."""
 
     time: Array
+    """(n_sample,) [s]."""
     voltage: Array
+    """(n_sample,) [V]."""
     current: Array
+    """(n_sample,) [A]."""
     speed: Array
+    """(n_sample,) [rad/s]."""
     joined: NDArray[np.bool_]
+    """(n_sample - 1,) False for an interval that crosses a gap of the record or touches a saturated
+    sample."""
 
 
 def signals_of(run: Run) -> Signals:
@@ -100,20 +97,16 @@ def has_signal(signal: Array) -> bool:
 
 @dataclass(frozen=True)
 class Regression:
-    """Linear regression with jackknife standard errors.
-
-    Args:
-        values: (n_regressor,) coefficients.
-        errors: (n_regressor,) their standard errors.
-        shares: (n_regressor,) RMS of each term over that of the target, with the coefficient's sign
-            [-].
-        missed: Unexplained fraction of the target's variance [-].
-    """
+    """Linear regression with jackknife standard errors."""
 
     values: Array
+    """(n_regressor,) coefficients."""
     errors: Array
+    """(n_regressor,) their standard errors."""
     shares: Array
+    """(n_regressor,) RMS of each term over that of the target, with the coefficient's sign [-]."""
     missed: float
+    """Unexplained fraction of the target's variance [-]."""
 
     def is_negative(self, k: int, errors: float, share: float) -> bool:
         """Whether a coefficient is below -`errors` standard errors and its term below -`share`."""
@@ -180,21 +173,18 @@ class _Windows:
 
 @dataclass(frozen=True)
 class Balance:
-    """Both balances over windows of one length.
-
-    Args:
-        voltage: (n_window,) means [V].
-        current: (n_window,) means [A].
-        speed: (n_window,) means [rad/s].
-        current_rate: (n_window,) [A/s].
-        speed_rate: (n_window,) [rad/s^2].
-    """
+    """Both balances over windows of one length."""
 
     voltage: Array
+    """(n_window,) means [V]."""
     current: Array
+    """(n_window,) means [A]."""
     speed: Array
+    """(n_window,) means [rad/s]."""
     current_rate: Array
+    """(n_window,) [A/s]."""
     speed_rate: Array
+    """(n_window,) [rad/s^2]."""
 
     @cached_property
     def electrical(self) -> Regression | None:

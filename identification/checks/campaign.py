@@ -29,13 +29,10 @@ _DRIVEN = 0.05
 
 @dataclass(frozen=True)
 class Verdict:
-    """Findings of all checks.
-
-    Args:
-        findings: Contradictions first, then suspicions.
-    """
+    """Findings of all checks."""
 
     findings: tuple[Finding, ...]
+    """Contradictions first, then suspicions."""
 
     @property
     def refused(self) -> tuple[Finding, ...]:

@@ -57,37 +57,34 @@ _SCALES: Final = (
 
 @dataclass(frozen=True)
 class Estimate:
-    """Regression coefficients of one run.
-
-    Args:
-        run: The run.
-        resistance: At 25 degC with the coefficient of copper [ohm].
-        resistance_error: Its relative standard error.
-        raw_resistance: At the run's own temperature [ohm].
-        constant: Torque constant at 25 degC with the coefficient of a typical magnet [V s/rad].
-        constant_error: Its relative standard error.
-        inertia: [kg m^2].
-        inertia_error: Its relative standard error.
-        interval: Median sample interval [s].
-        missed: Unexplained fraction of the voltage.
-        friction: Viscous friction of the same regression [N m s/rad].
-        windows: Number of windows of that regression.
-        ohmic: RMS voltage across the resistance over the RMS voltage, means subtracted.
-    """
+    """Regression coefficients of one run."""
 
     run: Run
+    """The run."""
     resistance: float
+    """At 25 degC with the coefficient of copper [ohm]."""
     resistance_error: float
+    """Its relative standard error."""
     raw_resistance: float
+    """At the run's own temperature [ohm]."""
     constant: float
+    """Torque constant at 25 degC with the coefficient of a typical magnet [V s/rad]."""
     constant_error: float
+    """Its relative standard error."""
     inertia: float
+    """[kg m^2]."""
     inertia_error: float
+    """Its relative standard error."""
     interval: float
+    """Median sample interval [s]."""
     missed: float
+    """Unexplained fraction of the voltage."""
     friction: float
+    """Viscous friction of the same regression [N m s/rad]."""
     windows: int
+    """Number of windows of that regression."""
     ohmic: float
+    """RMS voltage across the resistance over the RMS voltage, means subtracted."""
 
     @property
     def is_long(self) -> bool:

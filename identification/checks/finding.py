@@ -15,35 +15,32 @@ Severity = Literal["refuse", "suspect"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One contradiction or one suspicion.
-
-    Args:
-        code: Stable identifier such as ``reversed_channel``.
-        severity: Whether the finding blocks a fit.
-        file: Name of the run; empty if it concerns all runs.
-        column: Canonical name of the channel, or None.
-        message: Description of the fault.
-        statistic: Name of the deciding statistic.
-        value: Its value.
-        limit: Limit that it was compared with.
-        corrections: ``--map`` arguments that correct the fault; empty if no mapping can.
-        separable: Whether the fault is known to be in this run, regardless of the others.
-        remedy: Action at the end of the message that removes the cause; empty if it has none.
-        option: Option of the command line that `remedy` names; None if it names none.
-    """
+    """One contradiction or one suspicion."""
 
     code: str
+    """Stable identifier such as ``reversed_channel``."""
     severity: Severity
+    """Whether the finding blocks a fit."""
     file: str
+    """Name of the run; empty if it concerns all runs."""
     column: str | None
+    """Canonical name of the channel, or None."""
     message: str
+    """Description of the fault."""
     statistic: str
+    """Name of the deciding statistic."""
     value: float
+    """Its value."""
     limit: float
+    """Limit that it was compared with."""
     corrections: tuple[str, ...] = ()
+    """``--map`` arguments that correct the fault; empty if no mapping can."""
     separable: bool = True
+    """Whether the fault is known to be in this run, regardless of the others."""
     remedy: str = ""
+    """Action at the end of the message that removes the cause; empty if it has none."""
     option: Option | None = None
+    """Option of the command line that `remedy` names; None if it names none."""
 
     def __str__(self) -> str:
         """Location, message, statistic with its limit, and the correction to type."""

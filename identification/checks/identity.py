@@ -72,24 +72,21 @@ _HYPOTHESES: Final = (
 
 @dataclass(frozen=True)
 class _Judged:
-    """Balances of a run under one hypothesis.
-
-    Args:
-        turned: Most negative significant term of the electrical balance, over the voltage; 0 unless
-            there is one at every window length.
-        holds: Whether R, K and J are all positive.
-        missed: Sum of the unexplained fractions of both balances.
-        mechanical: Unexplained fraction of the mechanical balance.
-        inertia_turned: Whether the inertia is significantly negative.
-        friction_turned: Whether the viscous friction is significantly negative.
-    """
+    """Balances of a run under one hypothesis."""
 
     turned: float
+    """Most negative significant term of the electrical balance, over the voltage; 0 unless there is
+    one at every window length."""
     holds: bool
+    """Whether R, K and J are all positive."""
     missed: float
+    """Sum of the unexplained fractions of both balances."""
     mechanical: float
+    """Unexplained fraction of the mechanical balance."""
     inertia_turned: bool
+    """Whether the inertia is significantly negative."""
     friction_turned: bool
+    """Whether the viscous friction is significantly negative."""
 
     @property
     def is_backwards(self) -> bool:

@@ -48,19 +48,17 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
 
     An angle integrated from a noisy speed drifts from the true angle as a random walk, further in
     longer records.  The drift is estimated from the torque itself (order tracking).
-
-    Args:
-        torque_size: Torque scale [N m].
-        logged: Whether the angle is logged, from the same zero in all runs.
-        harmonics: Number of multiples h of the order.
-        angle: Source of phi: ``read`` from an encoder or ``integrated`` from the logged speed, as
-            in the record, or ``simulated`` as a state of the model, for predictions.
     """
 
     torque_size: float
+    """Torque scale [N m]."""
     logged: bool = True
+    """Whether the angle is logged, from the same zero in all runs."""
     harmonics: int = 2
+    """Number of multiples h of the order."""
     angle: Literal["read", "integrated", "simulated"] = "read"
+    """Source of phi: ``read`` from an encoder or ``integrated`` from the logged speed, as in the
+    record, or ``simulated`` as a state of the model, for predictions."""
 
     name = "cogging_torque"
     equation = "mechanical"

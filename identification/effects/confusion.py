@@ -25,17 +25,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Confusion:
-    """Confounding of effects with each other or with parameters of the nominal model.
-
-    Args:
-        parameters: Nominal-model parameters that are confounded with the effects.
-        title: The confounded quantities in words.
-        apart: What tells them apart, or that nothing does.
-    """
+    """Confounding of effects with each other or with parameters of the nominal model."""
 
     parameters: tuple[str, ...]
+    """Nominal-model parameters that are confounded with the effects."""
     title: str
+    """The confounded quantities in words."""
     apart: str
+    """What tells them apart, or that nothing does."""
 
 
 BRUSHES: Final = Confusion(

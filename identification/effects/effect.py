@@ -41,34 +41,30 @@ Scope = Literal["all runs", "some runs", "one span"]
 
 @dataclass(frozen=True)
 class CampaignScales:
-    """Scales of one campaign, from its signals and a fit.
-
-    Args:
-        records: Training records.
-        current: Root mean square of the current [A].
-        speed: Root mean square of the speed [rad/s].
-        voltage: Root mean square of the voltage [V].
-        torque: Kt25 times `current` [N m].
-        interval: Median sample interval [s].
-        duration: Duration of the longest record [s].
-        values: (7,) physical values of the nominal parameters in the fit.
-        angle_logged: Whether the shaft angle is logged; if not, it is integrated from the speed.
-        orders: Prominent orders of the residual, in periods per revolution [-].
-        frequencies: Prominent frequencies of the residual; only the search for surrogates has
-            them [Hz].
-    """
+    """Scales of one campaign, from its signals and a fit."""
 
     records: tuple[Record, ...]
+    """Training records."""
     current: float
+    """Root mean square of the current [A]."""
     speed: float
+    """Root mean square of the speed [rad/s]."""
     voltage: float
+    """Root mean square of the voltage [V]."""
     torque: float
+    """Kt25 times `current` [N m]."""
     interval: float
+    """Median sample interval [s]."""
     duration: float
+    """Duration of the longest record [s]."""
     values: Array
+    """(7,) physical values of the nominal parameters in the fit."""
     angle_logged: bool
+    """Whether the shaft angle is logged; if not, it is integrated from the speed."""
     orders: tuple[float, ...] = ()
+    """Prominent orders of the residual, in periods per revolution [-]."""
     frequencies: tuple[float, ...] = ()
+    """Prominent frequencies of the residual; only the search for surrogates has them [Hz]."""
 
     def nominal(self, name: str) -> float:
         """Value of a nominal parameter in the fit, such as ``Ra25`` [unit of the parameter]."""
@@ -223,27 +219,24 @@ class AbstractForced(AbstractEffect):
 
 @dataclass(frozen=True)
 class Candidate:
-    """A term to try, with the values from which its score and its refit start.
-
-    Args:
-        term: The term that is scored, its fields set for this motor.
-        starts: (n_parameter, n_start) physical values, each of finite size.
-        joint: Number of consecutive starts that are linear amplitudes and are scored together.
-        fitted: The term that is refitted, if it differs from `term`: its parameters are the first
-            ones of `term`, and the others become states, free in each record.  Such starts are
-            scored with per-record amplitudes.
-        tried: (n_parameter, n_point) additional starting points of the refit, for terms whose
-            score does not show how good a starting point is.
-        traded: Additional starting points of the refit, each with factors on parameters that are
-            already in the model: these parameters give back the effect that they had absorbed.
-    """
+    """A term to try, with the values from which its score and its refit start."""
 
     term: AbstractEffect
+    """The term that is scored, its fields set for this motor."""
     starts: Array
+    """(n_parameter, n_start) physical values, each of finite size."""
     joint: int = 1
+    """Number of consecutive starts that are linear amplitudes and are scored together."""
     fitted: AbstractEffect | None = None
+    """The term that is refitted, if it differs from `term`: its parameters are the first ones of
+    `term`, and the others become states, free in each record.  Such starts are scored with
+    per-record amplitudes."""
     tried: Array | None = None
+    """(n_parameter, n_point) additional starting points of the refit, for terms whose score does
+    not show how good a starting point is."""
     traded: tuple[tuple[Array, dict[str, float]], ...] = ()
+    """Additional starting points of the refit, each with factors on parameters that are already in
+    the model: these parameters give back the effect that they had absorbed."""
 
     @property
     def lanes(self) -> int:

@@ -43,14 +43,12 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     with p = 1 and o = 1, i / sqrt(i^2 + i_b^2) with p = 2 and o = 1, and 1 - exp(-i / i_b) with
     p = 1 and o near 0.  Other values approximate tanh, erf and arctan within 0.001.  `a` is the
     asymmetry between the two directions.
-
-    Args:
-        voltage_size: Voltage scale [V].
-        current_size: Current scale [A].
     """
 
     voltage_size: float
+    """Voltage scale [V]."""
     current_size: float
+    """Current scale [A]."""
 
     name = "brush_drop"
     confusions = (BRUSHES,)
@@ -108,12 +106,10 @@ class _Saturation(AbstractEffect, AbstractCoefficient):
 
     s is the fraction that does not saturate.  For small currents the relative fall is
     c (|i| / i_0)^n, whatever s.
-
-    Args:
-        reference: Current i_0 at which the factor is 1 / (1 + c) if s is zero [A].
     """
 
     reference: float
+    """Current i_0 at which the factor is 1 / (1 + c) if s is zero [A]."""
 
     equation = "electrical"
     drivers = ("current",)

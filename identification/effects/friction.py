@@ -44,14 +44,12 @@ class CoulombFriction(AbstractEffect, AbstractTorque):
 
     The sign is smoothed over a small fraction of the speed.  `a` is the asymmetry between the two
     directions, as in brush gear and preloaded bearings.
-
-    Args:
-        torque_size: Torque scale [N m].
-        width: Width of the smoothed sign [rad/s].
     """
 
     torque_size: float
+    """Torque scale [N m]."""
     width: float
+    """Width of the smoothed sign [rad/s]."""
 
     name = "coulomb_friction"
     confusions = (FRICTION,)
@@ -90,16 +88,14 @@ class StribeckFriction(AbstractEffect, AbstractTorque):
 
     With d between 1/2 and 2 the family contains Tustin's law, the Gaussian law and, approximately,
     the Lorentzian law of Hess and Soom.
-
-    Args:
-        torque_size: Torque scale [N m].
-        speed_size: Speed scale [rad/s].
-        width: Width of the smoothed sign [rad/s].
     """
 
     torque_size: float
+    """Torque scale [N m]."""
     speed_size: float
+    """Speed scale [rad/s]."""
     width: float
+    """Width of the smoothed sign [rad/s]."""
 
     name = "stribeck_friction"
     confusions = (FRICTION,)
@@ -148,14 +144,12 @@ class QuadraticDrag(AbstractEffect, AbstractTorque):
         tau = -T_d (|w| / w_0)^n (sgn w + a)                                [N m]
 
     `a` is the asymmetry between the two directions, as with the blades of a fan.
-
-    Args:
-        torque_size: Torque scale [N m].
-        reference: Speed w_0 at which the torque is T_d [rad/s].
     """
 
     torque_size: float
+    """Torque scale [N m]."""
     reference: float
+    """Speed w_0 at which the torque is T_d [rad/s]."""
 
     name = "quadratic_drag"
     confusions = (FRICTION,)

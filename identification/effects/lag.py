@@ -50,15 +50,12 @@ def _moves(scales: CampaignScales) -> bool:
 
 @dataclass(frozen=True)
 class _Lag(AbstractEffect, AbstractTemperature):
-    """First-order lag of a body's temperature behind the logged temperature.
-
-    Args:
-        fastest: Shortest time constant [s].
-        slowest: Longest time constant [s].
-    """
+    """First-order lag of a body's temperature behind the logged temperature."""
 
     fastest: float
+    """Shortest time constant [s]."""
     slowest: float
+    """Longest time constant [s]."""
 
     equation = "thermal"
     drivers = ("temperature",)
@@ -116,18 +113,16 @@ class WindingLag(_Lag):
     a step, and its derivative with it.  The third law, an extended variant, therefore adds an error
     e, free in each record; D is the duration of the longest run.  Each amplitude has the standard
     deviation of rounding, step / sqrt(12), or that of the amplitudes in the runs if it is larger.
-
-    Args:
-        direction: Direction of the lag.
-        duration: Duration D of the longest run [s].
-        step: Step of the log if no noise dithers it, else zero [K].
-        size: Prior standard deviation of the amplitudes of e; zero without e [K].
     """
 
     direction: str = _BEHIND
+    """Direction of the lag."""
     duration: float = 1.0
+    """Duration D of the longest run [s]."""
     step: float = 0.0
+    """Step of the log if no noise dithers it, else zero [K]."""
     size: float = 0.0
+    """Prior standard deviation of the amplitudes of e; zero without e [K]."""
 
     name = "winding_lag"
     confusions = (RESISTANCE,)

@@ -58,13 +58,11 @@ def _named(runs: Sequence[int]) -> str:
 class LoadTorque(AbstractEffect, AbstractTorque):
     """Constant external torque, such as that of a hanging weight.
 
-        tau = -T_l                                                          [N m]
-
-    Args:
-        torque_size: Torque scale [N m].
+    tau = -T_l                                                          [N m]
     """
 
     torque_size: float
+    """Torque scale [N m]."""
 
     name = "load_torque"
     confusions = (CONSTANT_TORQUE,)
@@ -96,20 +94,18 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
 
     The torque is zero in all other runs.  The edges are smoothed over two sample intervals, so that
     the times can be fitted.
-
-    Args:
-        run: Number of the run with the load; None for all runs, as the score test requires.
-        torque_size: Torque scale [N m].
-        edge: Width of an edge [s].
-        duration: Duration of the longest record [s].
-        others: Numbers of further runs with the load at the same time.
     """
 
     run: int | None
+    """Number of the run with the load; None for all runs, as the score test requires."""
     torque_size: float
+    """Torque scale [N m]."""
     edge: float
+    """Width of an edge [s]."""
     duration: float
+    """Duration of the longest record [s]."""
     others: tuple[int, ...] = ()
+    """Numbers of further runs with the load at the same time."""
 
     name = "load_step"
     confusions = (SINGLE_RUN,)
@@ -196,13 +192,11 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
 class InertiaChange(AbstractRunEffect, AbstractCoefficient):
     """Different inertia in one run, after a change of coupling or load.
 
-        J -> J (1 + d)   in run r                                           [kg m^2]
-
-    Args:
-        run: Number of the run; None for all runs, as the score test requires.
+    J -> J (1 + d)   in run r                                           [kg m^2]
     """
 
     run: int | None
+    """Number of the run; None for all runs, as the score test requires."""
 
     name = "inertia_change"
     confusions = (SINGLE_RUN,)
@@ -261,16 +255,14 @@ class ShaftCompliance(AbstractSecondInertia):
     second inertia.  With k = J_2 w_0^2 and c = 2 z J_2 w_0, w_0 is the natural frequency of the
     second inertia with the rotor held, and z its damping ratio.  `h` is the relative increase of
     the stiffness at the torque T.  J remains the total inertia, which determines slow motions.
-
-    Args:
-        torque_size: Torque scale T [N m].
-        slowest: Lowest resonance that is distinguishable from a rigid shaft [rad/s].
-        fastest: Highest resonance that the sampling resolves [rad/s].
     """
 
     torque_size: float
+    """Torque scale T [N m]."""
     slowest: float
+    """Lowest resonance that is distinguishable from a rigid shaft [rad/s]."""
     fastest: float
+    """Highest resonance that the sampling resolves [rad/s]."""
 
     name = "shaft_compliance"
     drivers = ("speed",)

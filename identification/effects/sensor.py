@@ -40,16 +40,14 @@ class _Filter(AbstractEffect, AbstractSensor):
 
     q = 1/4 is two equal first-order stages, q = 1/3 approximates a moving average, and q = 1/2 is
     a Butterworth filter.
-
-    Args:
-        fastest: Shortest time constant that the sampling resolves [s].
-        slowest: Longest time constant [s].
-        order: 1, with q = 0, or 2.
     """
 
     fastest: float
+    """Shortest time constant that the sampling resolves [s]."""
     slowest: float
+    """Longest time constant [s]."""
     order: int = 1
+    """1, with q = 0, or 2."""
 
     equation = "sensor"
     source = _SOURCE
@@ -113,13 +111,10 @@ class _Filter(AbstractEffect, AbstractSensor):
 
 @dataclass(frozen=True)
 class SpeedMean(AbstractEffect, AbstractMean):
-    """Mean of the speed over the sample interval, as from differenced encoder counts.
-
-    Args:
-        law: Name of the law in a result.
-    """
+    """Mean of the speed over the sample interval, as from differenced encoder counts."""
 
     law: str = "mean over the sample interval"
+    """Name of the law in a result."""
 
     name = "speed_filter"
     equation = "sensor"

@@ -43,24 +43,22 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     The basic law is the first equation without P.  One extended variant adds P, the iron loss at
     the speed w_0.  Another one adds the second equation: rise_2 is the fast rise of the winding
     over a second body.  The winding temperature is then T + rise + rise_2, also in Ra.
-
-    Args:
-        power_size: Loss scale [W].
-        fastest: Shortest thermal time constant [s].
-        slowest: Longest thermal time constant [s].
-        speed_size: Speed scale w_0; zero excludes an iron loss [rad/s].
-        is_iron: Whether the iron loss is included.
-        bodies: Number of bodies: one, or two with the winding separate.
-        least: Lower bound of R_th, as the rise at the loss scale [K].
     """
 
     power_size: float
+    """Loss scale [W]."""
     fastest: float
+    """Shortest thermal time constant [s]."""
     slowest: float
+    """Longest thermal time constant [s]."""
     speed_size: float = 0.0
+    """Speed scale w_0; zero excludes an iron loss [rad/s]."""
     is_iron: bool = False
+    """Whether the iron loss is included."""
     bodies: int = 1
+    """Number of bodies: one, or two with the winding separate."""
     least: float = 0.0
+    """Lower bound of R_th, as the rise at the loss scale [K]."""
 
     name = "self_heating"
     confusions = (RESISTANCE,)
@@ -199,14 +197,12 @@ class Demagnetization(AbstractEffect, AbstractCoefficient):
     d is the lost fraction of Kt, T_peak the highest temperature logged so far in the campaign, T_c
     the threshold and s a smooth step.  A narrow width is a sudden loss; with a wide one the loss
     grows with every kelvin above T_c.
-
-    Args:
-        coldest: Lowest temperature logged [degC].
-        hottest: Highest [degC].
     """
 
     coldest: float
+    """Lowest temperature logged [degC]."""
     hottest: float
+    """Highest [degC]."""
 
     name = "demagnetization"
     confusions = (TORQUE_CONSTANT,)

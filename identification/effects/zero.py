@@ -28,15 +28,12 @@ _FEWEST_RUNS: Final = 3
 
 @dataclass(frozen=True)
 class _ZeroError(AbstractEffect):
-    """Zero error of a sensor: offset + drift k in the k-th run, counted from 0.
-
-    Args:
-        size: Scale of the channel, in its unit.
-        drifts: Whether the error changes linearly with the run number.
-    """
+    """Zero error of a sensor: offset + drift k in the k-th run, counted from 0."""
 
     size: float
+    """Scale of the channel, in its unit."""
     drifts: bool = False
+    """Whether the error changes linearly with the run number."""
 
     equation = "sensor"
     drivers = ()
@@ -90,12 +87,10 @@ class CurrentOffset(_SensorZero):
     The zero of a Hall sensor drifts with its temperature and its magnetic history.  If the error
     changes irregularly from run to run, it is free in each record, as a constant state.  The
     setting `size` in a result is then the root mean square of these errors [A].
-
-    Args:
-        own: Whether the error is free in each record.
     """
 
     own: bool = False
+    """Whether the error is free in each record."""
 
     name = "current_offset"
     confusions = (CONSTANT_TORQUE,)

@@ -29,24 +29,21 @@ _ONCE: Final = "give each run once"
 
 @dataclass(frozen=True)
 class Campaign:
-    """Runs of one motor and the records made of them.
-
-    Args:
-        training_runs: Runs to fit, in the order of recording.
-        validation_runs: Runs to predict, never fitted.
-        training: Records of the training runs.
-        validation: Records of the validation runs, numbered after the training runs.
-        warnings: Warnings about the set of runs, for the result.
-        alike: For each run, training before validation, the index of the first earlier run with the
-            same samples; None if there is none.
-    """
+    """Runs of one motor and the records made of them."""
 
     training_runs: tuple[Run, ...]
+    """Runs to fit, in the order of recording."""
     validation_runs: tuple[Run, ...]
+    """Runs to predict, never fitted."""
     training: tuple[Record, ...]
+    """Records of the training runs."""
     validation: tuple[Record, ...]
+    """Records of the validation runs, numbered after the training runs."""
     warnings: tuple[ResultWarning, ...]
+    """Warnings about the set of runs, for the result."""
     alike: tuple[int | None, ...]
+    """For each run, training before validation, the index of the first earlier run with the same
+    samples; None if there is none."""
 
     @property
     def sample_interval(self) -> float:

@@ -22,21 +22,18 @@ _PASSES: Final = 4.0
 
 @dataclass(frozen=True)
 class Derivatives:
-    """Sensitivities of the logged channels at one point, cached or recomputed on demand.
-
-    Args:
-        simulator: Model and records.
-        values: (n_parameter,) physical values.
-        states: For each record (n_state,) initial state.
-        directions: (n_parameter, n_parameter) physical direction of each search coordinate.
-        kept: Sensitivities of whole records; None if they are computed in blocks.
-    """
+    """Sensitivities of the logged channels at one point, cached or recomputed on demand."""
 
     simulator: Simulator
+    """Model and records."""
     values: Array
+    """(n_parameter,) physical values."""
     states: tuple[Array, ...]
+    """For each record (n_state,) initial state."""
     directions: Array
+    """(n_parameter, n_parameter) physical direction of each search coordinate."""
     kept: tuple[TangentBlock, ...] | None = None
+    """Sensitivities of whole records; None if they are computed in blocks."""
 
     def blocks(self, lead: int) -> Iterator[TangentBlock]:
         """Iterate over the sensitivities, record by record or block by block.

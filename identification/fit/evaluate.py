@@ -22,17 +22,14 @@ _TRACKED: Final = 2
 
 @dataclass(frozen=True)
 class Simulated:
-    """A record and its simulation.
-
-    Args:
-        record: The record.
-        logged: (n_sample, 2) simulated current and speed [A, rad/s].
-        initial: (n_state,) initial state.
-    """
+    """A record and its simulation."""
 
     record: Record
+    """The record."""
     logged: Array
+    """(n_sample, 2) simulated current and speed [A, rad/s]."""
     initial: Array
+    """(n_state,) initial state."""
 
     @property
     def residual(self) -> Array:

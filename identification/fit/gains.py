@@ -34,17 +34,14 @@ _AGREE: Final = 0.25
 
 @dataclass(frozen=True)
 class GainRatio:
-    """A run whose current sensor reads more or less than in the first training run.
-
-    Args:
-        run: Number of the run in the order of recording.
-        name: File name of the run.
-        ratio: Reading over that in the first training run, for the same current [-].
-    """
+    """A run whose current sensor reads more or less than in the first training run."""
 
     run: int
+    """Number of the run in the order of recording."""
     name: str
+    """File name of the run."""
     ratio: float
+    """Reading over that in the first training run, for the same current [-]."""
 
 
 def current_gains(declared: Fit, campaign: Campaign) -> tuple[GainRatio, ...]:

@@ -43,17 +43,14 @@ _GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
 
 @dataclass(frozen=True)
 class Precision:
-    """Precision of one parameter by the data.
-
-    Args:
-        estimate: The estimate that the criterion uses [unit].
-        sd: Standard deviation by the data; infinite if undetermined [unit].
-        limit: Standard deviation below which the parameter is identified [unit].
-    """
+    """Precision of one parameter by the data."""
 
     estimate: float
+    """The estimate that the criterion uses [unit]."""
     sd: float
+    """Standard deviation by the data; infinite if undetermined [unit]."""
     limit: float
+    """Standard deviation below which the parameter is identified [unit]."""
 
     @property
     def identified(self) -> bool:

@@ -59,21 +59,18 @@ _NOTHING: Final = 1e-9
 
 @dataclass(frozen=True)
 class Comparison:
-    """A known value and the estimate of the runs without it.
-
-    Args:
-        prior: The known value.
-        estimate: Estimate of the runs [unit of the parameter].
-        sd: Its standard deviation, infinite if undetermined [unit of the parameter].
-        distance: Difference over the combined standard deviation, z [-].
-        unfitted: Whether no fit was found with it and the other known values.
-    """
+    """A known value and the estimate of the runs without it."""
 
     prior: Prior
+    """The known value."""
     estimate: float
+    """Estimate of the runs [unit of the parameter]."""
     sd: float
+    """Its standard deviation, infinite if undetermined [unit of the parameter]."""
     distance: float
+    """Difference over the combined standard deviation, z [-]."""
     unfitted: bool = False
+    """Whether no fit was found with it and the other known values."""
 
     @property
     def contradicts(self) -> bool:
@@ -83,17 +80,14 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """Prior knowledge of the user about a motor.
-
-    Args:
-        priors: Known values, at most one per parameter.
-        friction: Upper bound of the viscous friction [N m s/rad]; None if the nameplate gives none.
-        general: Nominal parameters with the general priors.
-    """
+    """Prior knowledge of the user about a motor."""
 
     priors: tuple[Prior, ...] = ()
+    """Known values, at most one per parameter."""
     friction: float | None = None
+    """Upper bound of the viscous friction [N m s/rad]; None if the nameplate gives none."""
     general: tuple[Parameter, ...] = ()
+    """Nominal parameters with the general priors."""
 
     def beside(self, fit: Fit) -> Knowledge:
         """Copy with the general priors of a fit without known values."""

@@ -39,29 +39,24 @@ _KEPT: Final = 100_000
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Gradient and Gauss-Newton matrix at one point, in search coordinates.
-
-    Args:
-        matrix: (n_parameter, n_parameter) with initial states eliminated and the prior included.
-        information: The same without the prior: the Fisher information of the data.
-        gradient: (n_parameter,) negative gradient of the cost, initial states eliminated, prior
-            included.
-        state_matrices: For each record (n_state, n_state) X'X + S^-1.
-        couplings: For each record (n_state, n_parameter) X'J.
-        state_gradients: For each record (n_state,) negative gradient by the initial state.
-        logged: For each record (n_sample, 2) simulated channels at this point [A, rad/s].
-        derivatives: Sensitivities of the simulated channels by search coordinates and initial
-            states.
-    """
+    """Gradient and Gauss-Newton matrix at one point, in search coordinates."""
 
     matrix: Array
+    """(n_parameter, n_parameter) with initial states eliminated and the prior included."""
     information: Array
+    """The same without the prior: the Fisher information of the data."""
     gradient: Array
+    """(n_parameter,) negative gradient of the cost, initial states eliminated, prior included."""
     state_matrices: tuple[Array, ...]
+    """For each record (n_state, n_state) X'X + S^-1."""
     couplings: tuple[Array, ...]
+    """For each record (n_state, n_parameter) X'J."""
     state_gradients: tuple[Array, ...]
+    """For each record (n_state,) negative gradient by the initial state."""
     logged: tuple[Array, ...]
+    """For each record (n_sample, 2) simulated channels at this point [A, rad/s]."""
     derivatives: Derivatives
+    """Sensitivities of the simulated channels by search coordinates and initial states."""
 
     @property
     def is_finite(self) -> bool:

@@ -184,18 +184,15 @@ class _Track:
 
 @dataclass(frozen=True)
 class _Series:
-    """Residual and responses of one record, in standard deviations of the noise.
-
-    Args:
-        residual: (n_sample, 2).
-        responses: (n_sample, 2, 3) to a change of the sine and of the cosine by their scale, and to
-            a change of the phase by one radian.
-        weight: (n_sample, 2) sample weights.
-    """
+    """Residual and responses of one record, in standard deviations of the noise."""
 
     residual: Array
+    """(n_sample, 2)."""
     responses: Array
+    """(n_sample, 2, 3) to a change of the sine and of the cosine by their scale, and to a change of
+    the phase by one radian."""
     weight: Array
+    """(n_sample, 2) sample weights."""
 
     @property
     def is_finite(self) -> bool:

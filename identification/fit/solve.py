@@ -60,21 +60,18 @@ _RENEWALS: Final = 3
 
 @dataclass(frozen=True)
 class TerminationLimits:
-    """Termination limits of a fit.
-
-    Args:
-        steps: Largest number of steps.
-        abandon_cost: Cost at which the refit is abandoned: the fit stops if it is not predicted to
-            reach this cost.
-        budget: Operations that the fit may take; None for no limit.
-        reference: Cost of a better model, with which the fit is compared.  The fit has converged
-            when the predicted gain of a step is below 1/500 of the difference.
-    """
+    """Termination limits of a fit."""
 
     steps: int = 60
+    """Largest number of steps."""
     abandon_cost: float = np.inf
+    """Cost at which the refit is abandoned: the fit stops if it is not predicted to reach this
+    cost."""
     budget: Budget | None = None
+    """Operations that the fit may take; None for no limit."""
     reference: float = np.inf
+    """Cost of a better model, with which the fit is compared.  The fit has converged when the
+    predicted gain of a step is below 1/500 of the difference."""
 
     @property
     def over(self) -> bool:
@@ -88,27 +85,24 @@ class TerminationLimits:
 
 @dataclass(frozen=True)
 class Fit:
-    """Result of a fit.
-
-    Args:
-        simulator: Model and records.
-        coordinates: Map between physical values and search coordinates.
-        position: (n_parameter,) search coordinates at the optimum.
-        states: For each record (n_state,) initial state.
-        weighting: Noise model of the channels.
-        cost: Negative log posterior, up to a constant.
-        equations: Normal equations at the optimum.
-        converged: Whether the predicted gain of another step is negligible.
-    """
+    """Result of a fit."""
 
     simulator: Simulator
+    """Model and records."""
     coordinates: Coordinates
+    """Map between physical values and search coordinates."""
     position: Array
+    """(n_parameter,) search coordinates at the optimum."""
     states: tuple[Array, ...]
+    """For each record (n_state,) initial state."""
     weighting: Weighting
+    """Noise model of the channels."""
     cost: float
+    """Negative log posterior, up to a constant."""
     equations: NormalEquations
+    """Normal equations at the optimum."""
     converged: bool
+    """Whether the predicted gain of another step is negligible."""
 
     @property
     def values(self) -> Array:

@@ -67,17 +67,14 @@ in several equal substeps (`substeps.py`): `substep` is the index from zero, `su
 
 @dataclass(frozen=True)
 class MotorModel:
-    """Nominal model with added terms.
-
-    Args:
-        terms: Terms added to the nominal equations.
-        hold: Nominal inter-sample behaviour of the voltage (zero- or first-order hold).
-        unlogged: Runs without a logged temperature, whose temperatures are parameters.
-    """
+    """Nominal model with added terms."""
 
     terms: tuple[AbstractTerm, ...] = ()
+    """Terms added to the nominal equations."""
     hold: Hold = "zoh"
+    """Nominal inter-sample behaviour of the voltage (zero- or first-order hold)."""
     unlogged: Unlogged = Unlogged()
+    """Runs without a logged temperature, whose temperatures are parameters."""
 
     def adding(self, *terms: AbstractTerm) -> MotorModel:
         """Return this model with more terms."""

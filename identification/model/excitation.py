@@ -28,39 +28,36 @@ _MANY: Final = 10
 
 @dataclass(frozen=True)
 class Record:
-    """One segment of one run.
-
-    Args:
-        run: Index of the run in the order of recording.
-        name: File name of the run.
-        start: Index of the segment's first sample in its run.
-        time: (n_sample,) time since the start of the run [s].
-        inputs: (n_sample, n_input) in the order of `INPUTS`; the last interval has zero length.
-        measured: (n_sample, 2) logged current and speed [A, rad/s].
-        weight: (n_sample, 2) sample weights: 0 where the sensor was clipped, else 1; `within`
-            rescales them.
-        angle_logged: Whether the angle was logged; else it is the integral of the logged speed.
-        expected: Expected temperature of a run without a logged one, else None [degC].  The
-            temperature input is then a ramp by `RAMP` around this value.
-        whole: (n_sample, 2) weights before `within` removed the edges; None if it removed none.
-        resolution: Quantisation step of the logged temperature, zero if noise dithers it [K].
-        raw_angle: (n_sample,) angle before `with_angle` corrected it; None if it did not [rad].
-        duration: Duration of the whole record, of which this may be a segment [s].
-    """
+    """One segment of one run."""
 
     run: int
+    """Index of the run in the order of recording."""
     name: str
+    """File name of the run."""
     start: int
+    """Index of the segment's first sample in its run."""
     time: Array
+    """(n_sample,) time since the start of the run [s]."""
     inputs: Array
+    """(n_sample, n_input) in the order of `INPUTS`; the last interval has zero length."""
     measured: Array
+    """(n_sample, 2) logged current and speed [A, rad/s]."""
     weight: Array
+    """(n_sample, 2) sample weights: 0 where the sensor was clipped, else 1; `within` rescales
+    them."""
     angle_logged: bool = False
+    """Whether the angle was logged; else it is the integral of the logged speed."""
     expected: float | None = None
+    """Expected temperature of a run without a logged one, else None [degC].  The temperature input
+    is then a ramp by `RAMP` around this value."""
     whole: Array | None = None
+    """(n_sample, 2) weights before `within` removed the edges; None if it removed none."""
     resolution: float = 0.0
+    """Quantisation step of the logged temperature, zero if noise dithers it [K]."""
     raw_angle: Array | None = None
+    """(n_sample,) angle before `with_angle` corrected it; None if it did not [rad]."""
     duration: float = 0.0
+    """Duration of the whole record, of which this may be a segment [s]."""
 
     @property
     def rows(self) -> int:

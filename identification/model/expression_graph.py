@@ -21,13 +21,10 @@ class Node(NamedTuple):
 
 @dataclass
 class Graph:
-    """Expression graph in which equal expressions are one node.
-
-    Args:
-        nodes: The nodes; children stand before their parents.
-    """
+    """Expression graph in which equal expressions are one node."""
 
     nodes: list[Node] = field(default_factory=list)
+    """The nodes; children stand before their parents."""
     _known: dict[Node, int] = field(default_factory=dict)
 
     def add(self, kind: str, *children: int, label: str = "") -> int:

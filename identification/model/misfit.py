@@ -36,19 +36,16 @@ _EVEN: Final = 1e-6
 
 @dataclass(frozen=True)
 class MisfitLoop:
-    """Compiled misfit loop and the layout of its input rows.
-
-    Args:
-        scan: The compiled loop.
-        columns: Columns of the inputs on which the model depends.
-        weighted: Whether each row holds a weight for each channel.
-        divided: Whether sample intervals have substeps, so that not every row is a sample.
-    """
+    """Compiled misfit loop and the layout of its input rows."""
 
     scan: Scan
+    """The compiled loop."""
     columns: tuple[int, ...]
+    """Columns of the inputs on which the model depends."""
     weighted: bool
+    """Whether each row holds a weight for each channel."""
     divided: bool
+    """Whether sample intervals have substeps, so that not every row is a sample."""
 
     def rows(
         self, inputs: Array, measured: Array, weights: Array, counts: Counts | None = None

@@ -23,33 +23,30 @@ Number = TypeVar("Number", np.float64, np.bool_)
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a term or of the nominal model.
-
-    Args:
-        name: Name in the result.
-        unit: Unit in the result.
-        meaning: Short description for the report.
-        search: Type of coordinate: ``log`` for the logarithm (positive quantities that may span
-            decades), ``linear`` for the quantity divided by `scale`.
-        lower: Physical lower bound [unit].
-        upper: Physical upper bound [unit].
-        scale: Natural size, equal to one unit of a ``linear`` coordinate [unit].
-        prior_mean: Physical value at the centre of the normal prior of the coordinate [unit].
-        prior_sd: Standard deviation of the normal prior of the coordinate; infinite for a prior
-            that is flat between the bounds.
-        origin: Command-line option that set the prior; empty for a prior from general knowledge.
-    """
+    """One parameter of a term or of the nominal model."""
 
     name: str
+    """Name in the result."""
     unit: str
+    """Unit in the result."""
     meaning: str
+    """Short description for the report."""
     search: Literal["log", "linear"] = "linear"
+    """Type of coordinate: ``log`` for the logarithm (positive quantities that may span decades),
+    ``linear`` for the quantity divided by `scale`."""
     lower: float = -np.inf
+    """Physical lower bound [unit]."""
     upper: float = np.inf
+    """Physical upper bound [unit]."""
     scale: float = 1.0
+    """Natural size, equal to one unit of a ``linear`` coordinate [unit]."""
     prior_mean: float = 0.0
+    """Physical value at the centre of the normal prior of the coordinate [unit]."""
     prior_sd: float = np.inf
+    """Standard deviation of the normal prior of the coordinate; infinite for a prior that is flat
+    between the bounds."""
     origin: str = ""
+    """Command-line option that set the prior; empty for a prior from general knowledge."""
 
     @property
     def vanishes(self) -> bool:

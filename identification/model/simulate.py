@@ -79,19 +79,16 @@ def initial_states(model: MotorModel, record: Record) -> Array:
 
 @dataclass(frozen=True)
 class Simulator:
-    """Model prepared for simulation over records.
-
-    Args:
-        model: The model.
-        records: Records that drive the model.
-        plan: Step plan; see `plan_for`.
-        substeps: For each record (n_sample,) substeps of each sample interval; None for one each.
-    """
+    """Model prepared for simulation over records."""
 
     model: MotorModel
+    """The model."""
     records: tuple[Record, ...]
+    """Records that drive the model."""
     plan: StepPlan
+    """Step plan; see `plan_for`."""
     substeps: tuple[Counts, ...] | None = None
+    """For each record (n_sample,) substeps of each sample interval; None for one each."""
 
     @cached_property
     def inputs(self) -> list[Array]:

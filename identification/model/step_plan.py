@@ -45,18 +45,15 @@ a squaring ten times that.  At this size, cancellation costs two of sixteen digi
 
 @dataclass(frozen=True)
 class StepPlan:
-    """Settings of the integration step for one sample interval.
-
-    Args:
-        terms: Number of terms of the Taylor series.
-        squarings: Number of squarings; 0 applies the series to vectors.
-        rate: Largest h |A| for which the plan is valid [-]; not compared, so that plans with the
-            same code are equal.
-    """
+    """Settings of the integration step for one sample interval."""
 
     terms: int
+    """Number of terms of the Taylor series."""
     squarings: int = 0
+    """Number of squarings; 0 applies the series to vectors."""
     rate: float = field(default=1.0, compare=False)
+    """Largest h |A| for which the plan is valid [-]; not compared, so that plans with the same code
+    are equal."""
 
     def suits(self, rate: float) -> bool:
         """Whether the plan covers h |A| of `rate` without covering more than five times that."""

@@ -33,22 +33,19 @@ _STRUCTURES: Final = 128
 
 @dataclass(frozen=True)
 class TangentBlock:
-    """Simulated readings of a block of samples of one record, and their derivatives.
-
-    Args:
-        record: Index of the record.
-        start: Index of the block's first sample in the record.
-        lead: Number of samples at the start that repeat the end of the previous block.
-        logged: (n_sample, 2) [A, rad/s].
-        tangent: (n_sample, 2, n_direction + n_state) derivatives along the directions, then with
-            respect to the initial states.
-    """
+    """Simulated readings of a block of samples of one record, and their derivatives."""
 
     record: int
+    """Index of the record."""
     start: int
+    """Index of the block's first sample in the record."""
     lead: int
+    """Number of samples at the start that repeat the end of the previous block."""
     logged: Array
+    """(n_sample, 2) [A, rad/s]."""
     tangent: Array
+    """(n_sample, 2, n_direction + n_state) derivatives along the directions, then with respect to
+    the initial states."""
 
     @property
     def samples(self) -> slice:

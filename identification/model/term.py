@@ -65,73 +65,64 @@ Values = SimpleNamespace
 
 @dataclass(frozen=True)
 class State:
-    """State variable of a term.
-
-    Args:
-        name: Name, unique within the term.
-        unit: Unit, for the report.
-        follows: Signal that the state equals in steady state, or ``zero``; it sets the prior mean
-            of the initial value.
-        scale: Prior standard deviation of the initial value of a state that starts at zero [unit].
-        is_own: Whether the state is a per-record amplitude: constant, or the initial value of a
-            transient that no input drives.
-        fades: Whether the influence of the initial value decays long before the record ends, as in
-            a filter; later samples carry no information about it.
-    """
+    """State variable of a term."""
 
     name: str
+    """Name, unique within the term."""
     unit: str
+    """Unit, for the report."""
     follows: Literal["temperature", "current", "speed", "zero"] = "zero"
+    """Signal that the state equals in steady state, or ``zero``; it sets the prior mean of the
+    initial value."""
     scale: float = 30.0
+    """Prior standard deviation of the initial value of a state that starts at zero [unit]."""
     is_own: bool = False
+    """Whether the state is a per-record amplitude: constant, or the initial value of a transient
+    that no input drives."""
     fades: bool = False
+    """Whether the influence of the initial value decays long before the record ends, as in a
+    filter; later samples carry no information about it."""
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Signals on which a term may depend, at one instant.
-
-    Args:
-        current: Armature current [A].
-        speed: Shaft speed [rad/s].
-        voltage: Logged terminal voltage [V].
-        temperature: Logged temperature, smoothed [degC].
-        angle: Logged shaft angle, or the integral of the logged speed [rad].
-        time: Time since the start of the run [s].
-        run: Index of the run in the order of recording, from 0 [-].
-        peak_temperature: Highest temperature logged so far in the campaign [degC].
-        temperature_rate: Time derivative of the logged temperature, smoothed [K/s].
-        winding_temperature: Effective temperature of the winding [degC].
-        magnet_temperature: Effective temperature of the magnet [degC].
-        turn: Change of the angle over an integration step, for torques that are averages over it;
-            None for instantaneous ones [rad].
-    """
+    """Signals on which a term may depend, at one instant."""
 
     current: Expression
+    """Armature current [A]."""
     speed: Expression
+    """Shaft speed [rad/s]."""
     voltage: Expression
+    """Logged terminal voltage [V]."""
     temperature: Expression
+    """Logged temperature, smoothed [degC]."""
     angle: Expression
+    """Logged shaft angle, or the integral of the logged speed [rad]."""
     time: Expression
+    """Time since the start of the run [s]."""
     run: Expression
+    """Index of the run in the order of recording, from 0 [-]."""
     peak_temperature: Expression
+    """Highest temperature logged so far in the campaign [degC]."""
     temperature_rate: Expression = None
+    """Time derivative of the logged temperature, smoothed [K/s]."""
     winding_temperature: Expression = None
+    """Effective temperature of the winding [degC]."""
     magnet_temperature: Expression = None
+    """Effective temperature of the magnet [degC]."""
     turn: Expression = None
+    """Change of the angle over an integration step, for torques that are averages over it; None for
+    instantaneous ones [rad]."""
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """Names within a term whose integrated angle drifts; see `fit/order_tracking.py`.
-
-    Args:
-        order: Parameter with the number of periods per revolution.
-        waves: States with the sine and cosine amplitudes of the harmonics 1, 2, ...
-    """
+    """Names within a term whose integrated angle drifts; see `fit/order_tracking.py`."""
 
     order: str
+    """Parameter with the number of periods per revolution."""
     waves: tuple[tuple[str, str], ...]
+    """States with the sine and cosine amplitudes of the harmonics 1, 2, ..."""
 
 
 @dataclass(frozen=True)
@@ -244,16 +235,14 @@ class AbstractDelay(AbstractTerm):
     interpolation would be wrong by the curvature of the current.  A lagging voltage is equivalent
     to both other channels leading: the simulation uses the voltage `depth` samples ahead and
     delays both channels by `depth` minus the delay.
-
-    Args:
-        channel: The delayed channel; a delay of ``voltage`` is an advance of the two others.
-        depth: Length of the delay buffer, in samples.
-        interval: Sample interval [s].
     """
 
     channel: str
+    """The delayed channel; a delay of ``voltage`` is an advance of the two others."""
     depth: int
+    """Length of the delay buffer, in samples."""
     interval: float
+    """Sample interval [s]."""
 
     def lag(self, values: Values) -> Expression:
         """Delay of the simulated channels in sample intervals [-]."""

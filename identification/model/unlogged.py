@@ -51,21 +51,18 @@ _HELD: Final = 1e-2
 
 @dataclass(frozen=True)
 class Unlogged:
-    """Run temperatures that are parameters of a model.
-
-    Args:
-        runs: Indices of these runs.
-        expected: Prior mean of their temperatures [degC].
-        reference: Run whose mid-run temperature is fixed at `expected`; None if any run has a
-            logged temperature.
-        is_relative: Whether the logged temperatures, if any, span too little to determine the
-            temperature coefficients.
-    """
+    """Run temperatures that are parameters of a model."""
 
     runs: tuple[int, ...] = ()
+    """Indices of these runs."""
     expected: float = REFERENCE_TEMPERATURE_DEGC
+    """Prior mean of their temperatures [degC]."""
     reference: int | None = None
+    """Run whose mid-run temperature is fixed at `expected`; None if any run has a logged
+    temperature."""
     is_relative: bool = False
+    """Whether the logged temperatures, if any, span too little to determine the temperature
+    coefficients."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -23,22 +23,18 @@ __all__ = ["Weighting"]
 
 @dataclass(frozen=True)
 class Weighting:
-    """Noise model of the two channels.
-
-    Args:
-        records: The records whose samples are weighted.
-        deviation: (2,) standard deviation of the whitened residuals [A, rad/s].
-        whitening: For each channel the taps (1, c_1, ...) of the filter that whitens its
-            residuals.
-        robust: For each record (n_sample, 2) Student-t weights, or None.
-        floor: (2,) standard deviations below which a fit counts as perfect [A, rad/s].
-    """
+    """Noise model of the two channels."""
 
     records: tuple[Record, ...]
+    """The records whose samples are weighted."""
     deviation: Array
+    """(2,) standard deviation of the whitened residuals [A, rad/s]."""
     whitening: tuple[Array, Array]
+    """For each channel the taps (1, c_1, ...) of the filter that whitens its residuals."""
     robust: tuple[Array, ...] | None
+    """For each record (n_sample, 2) Student-t weights, or None."""
     floor: Array
+    """(2,) standard deviations below which a fit counts as perfect [A, rad/s]."""
 
     @staticmethod
     def white(records: Sequence[Record]) -> Weighting:

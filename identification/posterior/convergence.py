@@ -41,26 +41,23 @@ _WINDOW: Final = 5.0
 
 @dataclass(frozen=True)
 class Convergence:
-    """Convergence diagnostics of a chain after burn-in.
-
-    Args:
-        walkers: Number of walkers.
-        steps: Steps of each walker.
-        acceptance: Mean fraction of accepted proposals [-].
-        autocorrelation_time: Largest over the dimensions [steps].
-        ess_min: Smallest effective sample size over the dimensions.
-        r_hat_max: Largest split R-hat over the dimensions [-].
-        reached: Whether the chain has the required number of autocorrelation times, and R-hat is at
-            most `LARGEST_R_HAT`.
-    """
+    """Convergence diagnostics of a chain after burn-in."""
 
     walkers: int
+    """Number of walkers."""
     steps: int
+    """Steps of each walker."""
     acceptance: float
+    """Mean fraction of accepted proposals [-]."""
     autocorrelation_time: float
+    """Largest over the dimensions [steps]."""
     ess_min: float
+    """Smallest effective sample size over the dimensions."""
     r_hat_max: float
+    """Largest split R-hat over the dimensions [-]."""
     reached: bool
+    """Whether the chain has the required number of autocorrelation times, and R-hat is at most
+    `LARGEST_R_HAT`."""
 
 
 def convergence_of(chain: Array, acceptance: float, lengths: float) -> Convergence:

@@ -37,16 +37,13 @@ _LIKE: Final = 0.1
 
 @dataclass(frozen=True)
 class Posterior:
-    """Log density of points (n_walker, n_dim), as called by emcee.
-
-    Args:
-        fit: Optimum around which the initial states are linearised.
-        fraction: Effective sample fraction; below one if the residuals are heavy-tailed, or are
-            autocorrelated in a way that the noise model does not describe.
-    """
+    """Log density of points (n_walker, n_dim), as called by emcee."""
 
     fit: Fit
+    """Optimum around which the initial states are linearised."""
     fraction: float
+    """Effective sample fraction; below one if the residuals are heavy-tailed, or are autocorrelated
+    in a way that the noise model does not describe."""
 
     @property
     def names(self) -> tuple[str, ...]:

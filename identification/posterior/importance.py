@@ -33,19 +33,16 @@ _LEAST_TAIL: Final = 5
 
 @dataclass(frozen=True)
 class Weighted:
-    """Points that represent the posterior.
-
-    Args:
-        points: (n_draw, n_dim) in the sampled coordinates, equally weighted.
-        log_density: (n_draw,) their log posterior density.
-        shape: Pareto shape k of the largest weights [-].
-        draws: Number of weighted draws from which the points were chosen.
-    """
+    """Points that represent the posterior."""
 
     points: Array
+    """(n_draw, n_dim) in the sampled coordinates, equally weighted."""
     log_density: Array
+    """(n_draw,) their log posterior density."""
     shape: float
+    """Pareto shape k of the largest weights [-]."""
     draws: int
+    """Number of weighted draws from which the points were chosen."""
 
     @property
     def is_reliable(self) -> bool:

@@ -27,32 +27,29 @@ __all__ = ["Ridge"]
 
 @dataclass(frozen=True)
 class Ridge:
-    """Shear that straightens a curved ridge, and the posterior along the ridge.
-
-    Args:
-        centre: (n_parameter,) the optimum, search coordinates.
-        tangent: (n_parameter,) one posterior standard deviation along the ridge, at the optimum.
-        functional: (n_parameter,) linear functional l that gives the position along the ridge, in
-            standard deviations.
-        abscissae: (n_point,) traced positions along the ridge [-]; only 0 if it is straight.
-        shifts: (n_point, n_parameter) distance of the ridge from its tangent.
-        states: For each record (n_point, n_state) distance of its best initial state from the
-            linear extrapolation at the optimum.
-        log_density: (n_point,) along the ridge, all other directions integrated out.
-        roots: (n_point, n_parameter - 1, n_parameter - 1) Cholesky factors of the covariance across
-            the ridge, in `basis`.
-        basis: (n_parameter, n_parameter - 1) orthonormal directions orthogonal to `functional`.
-    """
+    """Shear that straightens a curved ridge, and the posterior along the ridge."""
 
     centre: Array
+    """(n_parameter,) the optimum, search coordinates."""
     tangent: Array
+    """(n_parameter,) one posterior standard deviation along the ridge, at the optimum."""
     functional: Array
+    """(n_parameter,) linear functional l that gives the position along the ridge, in standard
+    deviations."""
     abscissae: Array
+    """(n_point,) traced positions along the ridge [-]; only 0 if it is straight."""
     shifts: Array
+    """(n_point, n_parameter) distance of the ridge from its tangent."""
     states: tuple[Array, ...]
+    """For each record (n_point, n_state) distance of its best initial state from the linear
+    extrapolation at the optimum."""
     log_density: Array
+    """(n_point,) along the ridge, all other directions integrated out."""
     roots: Array
+    """(n_point, n_parameter - 1, n_parameter - 1) Cholesky factors of the covariance across the
+    ridge, in `basis`."""
     basis: Array
+    """(n_parameter, n_parameter - 1) orthonormal directions orthogonal to `functional`."""
 
     @property
     def is_straight(self) -> bool:

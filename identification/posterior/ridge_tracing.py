@@ -44,34 +44,28 @@ _STIFF: Final = 1e8
 
 @dataclass(frozen=True)
 class _Point:
-    """A point of the ridge.
-
-    Args:
-        position: (n_parameter,) search coordinates.
-        states: For each record (n_state,) the best initial state.
-        precision: (n_parameter, n_parameter) inverse covariance at the point.
-        drop: Drop of the log density from the optimum.
-    """
+    """A point of the ridge."""
 
     position: Array
+    """(n_parameter,) search coordinates."""
     states: tuple[Array, ...]
+    """For each record (n_state,) the best initial state."""
     precision: Array
+    """(n_parameter, n_parameter) inverse covariance at the point."""
     drop: float
+    """Drop of the log density from the optimum."""
 
 
 @dataclass(frozen=True)
 class _Direction:
-    """A candidate direction of the ridge.
-
-    Args:
-        tangent: (n_parameter,) step over which the log density falls by about one half.
-        functional: (n_parameter,) linear functional l that gives the position; l . tangent = 1.
-        free: (n_parameter,) whether a parameter moves; the others stay at their bounds.
-    """
+    """A candidate direction of the ridge."""
 
     tangent: Array
+    """(n_parameter,) step over which the log density falls by about one half."""
     functional: Array
+    """(n_parameter,) linear functional l that gives the position; l . tangent = 1."""
     free: NDArray[np.bool_]
+    """(n_parameter,) whether a parameter moves; the others stay at their bounds."""
 
 
 def ridge_of(fit: Fit, fraction: float) -> Ridge:

@@ -54,26 +54,23 @@ _TRIAL: Final = 300
 
 @dataclass(frozen=True)
 class Sample:
-    """Draws from the posterior.
-
-    Args:
-        chain: (n_step, n_walker, n_dim) physical values after burn-in.
-        log_density: (n_step, n_walker).
-        names: Names of the dimensions.
-        units: Their units.
-        convergence: Convergence diagnostics of the chain.
-        source: Origin of the draws: the ``chain``; if it did not converge, ``importance`` sampling;
-            if that is not reliable either, the ``normal`` approximation.
-        shape: Pareto shape of the importance weights [-]; None if there are none.
-    """
+    """Draws from the posterior."""
 
     chain: Array
+    """(n_step, n_walker, n_dim) physical values after burn-in."""
     log_density: Array
+    """(n_step, n_walker)."""
     names: tuple[str, ...]
+    """Names of the dimensions."""
     units: tuple[str, ...]
+    """Their units."""
     convergence: Convergence
+    """Convergence diagnostics of the chain."""
     source: Source = "chain"
+    """Origin of the draws: the ``chain``; if it did not converge, ``importance`` sampling; if that
+    is not reliable either, the ``normal`` approximation."""
     shape: float | None = None
+    """Pareto shape of the importance weights [-]; None if there are none."""
 
     def draws(self, most: int = 2000) -> dict[str, Array]:
         """At most `most` draws by name, evenly spread over the chain."""

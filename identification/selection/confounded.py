@@ -63,19 +63,16 @@ _REVERSES: Final = 0.1
 
 @dataclass(frozen=True)
 class _Rival:
-    """An effect that is confounded with a parameter.
-
-    Args:
-        parameter: Name of the parameter.
-        small: Candidate with one prototype of small amplitude.
-        whole: Amplitude that causes all of the lag or friction, over that of the prototype [-].
-        swapped: Amplitude that causes nearly all of it, where a fit starts; None for no fit.
-    """
+    """An effect that is confounded with a parameter."""
 
     parameter: str
+    """Name of the parameter."""
     small: Candidate
+    """Candidate with one prototype of small amplitude."""
     whole: float
+    """Amplitude that causes all of the lag or friction, over that of the prototype [-]."""
     swapped: float | None = None
+    """Amplitude that causes nearly all of it, where a fit starts; None for no fit."""
 
     @property
     def name(self) -> str:

@@ -62,30 +62,27 @@ UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equat
 
 @dataclass(frozen=True)
 class AcceptanceCriteria:
-    """Result of the three acceptance criteria.
-
-    Args:
-        gain: Gain of the log likelihood over the model without the effect, in effective samples.
-        needed: Gain that chance reaches (significance limit).
-        training: Relative fall of the error of the training runs, summed over the channels [-].
-        validation: The same for the validation runs; None without such runs [-].
-        possible: Relative fall on the validation runs down to the noise, reduced by the uncertainty
-            of the noise level [-].
-        log_odds: Gain of the log likelihood of the validation runs, in effective samples.
-        local: Whether the effect is restricted to single runs.
-        flaw: Why the fitted effect is implausible for its type; empty if it is plausible.
-        policy: Limits of the criteria.
-    """
+    """Result of the three acceptance criteria."""
 
     gain: float
+    """Gain of the log likelihood over the model without the effect, in effective samples."""
     needed: float
+    """Gain that chance reaches (significance limit)."""
     training: float
+    """Relative fall of the error of the training runs, summed over the channels [-]."""
     validation: float | None
+    """The same for the validation runs; None without such runs [-]."""
     possible: float
+    """Relative fall on the validation runs down to the noise, reduced by the uncertainty of the
+    noise level [-]."""
     log_odds: float
+    """Gain of the log likelihood of the validation runs, in effective samples."""
     local: bool
+    """Whether the effect is restricted to single runs."""
     flaw: str = ""
+    """Why the fitted effect is implausible for its type; empty if it is plausible."""
     policy: SelectionPolicy = field(default=DEFAULT, repr=False)
+    """Limits of the criteria."""
 
     @property
     def passed(self) -> bool:
@@ -139,32 +136,26 @@ class AcceptanceCriteria:
 
 @dataclass(frozen=True)
 class ValidationErrors:
-    """Simulation errors of a model on the validation runs.
-
-    Args:
-        square: (2,) mean square error [A^2, rad^2/s^2].
-        count: (2,) number of samples.
-        scatter: (2,) standard error of the logarithm of the RMS error, from its kurtosis [-].
-    """
+    """Simulation errors of a model on the validation runs."""
 
     square: Array
+    """(2,) mean square error [A^2, rad^2/s^2]."""
     count: Array
+    """(2,) number of samples."""
     scatter: Array
+    """(2,) standard error of the logarithm of the RMS error, from its kurtosis [-]."""
 
 
 @dataclass(frozen=True)
 class EvaluatedModel:
-    """A model with its validation errors.
-
-    Args:
-        fit: The fit.
-        fraction: Effective sample fraction [-].
-        unseen: Errors on the validation runs; None without such runs.
-    """
+    """A model with its validation errors."""
 
     fit: Fit
+    """The fit."""
     fraction: float
+    """Effective sample fraction [-]."""
     unseen: ValidationErrors | None = None
+    """Errors on the validation runs; None without such runs."""
 
     @property
     def is_computed(self) -> bool:

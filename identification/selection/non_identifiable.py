@@ -47,21 +47,18 @@ _ALL: Final = 0.95
 
 @dataclass(frozen=True)
 class LinearPart:
-    """Linear part that belongs either to a curve or to a nominal parameter.
-
-    Args:
-        equation: ``electrical`` or ``mechanical``.
-        signal: Signal to which it is proportional.
-        size: Scale of the signal, in its unit.
-        width: Prior standard deviation of the linear part at that scale [V] or [N m].
-        unit: Unit of the linear part.
-    """
+    """Linear part that belongs either to a curve or to a nominal parameter."""
 
     equation: str
+    """``electrical`` or ``mechanical``."""
     signal: str
+    """Signal to which it is proportional."""
     size: float
+    """Scale of the signal, in its unit."""
     width: float
+    """Prior standard deviation of the linear part at that scale [V] or [N m]."""
     unit: str
+    """Unit of the linear part."""
 
     @property
     def name(self) -> str:

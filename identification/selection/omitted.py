@@ -36,26 +36,23 @@ __all__ = [
 
 @dataclass(frozen=True)
 class OmittedTerm:
-    """A term outside the model that may bias its parameters.
-
-    Args:
-        name: Effect type, ``unlisted`` or ``current_gain``.
-        gain: Predicted gain of the log likelihood, in effective samples; negative for the loss at
-            another optimum, None if the data contain no information on it.
-        chance: Gain that the best of all prototypes reaches by chance; for a confounded term, the
-            loss that excludes it; None if `gain` is None.
-        steps: Change of each parameter at the best amplitude of the term, in search coordinates.
-        parameter: Motor parameter that is confounded with the term; empty if there is none.
-        time: Time constant of the term at another optimum [s]; the draws lie between the fit and
-            that optimum.  None for a first-order change.
-    """
+    """A term outside the model that may bias its parameters."""
 
     name: str
+    """Effect type, ``unlisted`` or ``current_gain``."""
     gain: float | None
+    """Predicted gain of the log likelihood, in effective samples; negative for the loss at another
+    optimum, None if the data contain no information on it."""
     chance: float | None
+    """Gain that the best of all prototypes reaches by chance; for a confounded term, the loss that
+    excludes it; None if `gain` is None."""
     steps: dict[str, float]
+    """Change of each parameter at the best amplitude of the term, in search coordinates."""
     parameter: str = ""
+    """Motor parameter that is confounded with the term; empty if there is none."""
     time: float | None = None
+    """Time constant of the term at another optimum [s]; the draws lie between the fit and that
+    optimum.  None for a first-order change."""
 
 
 def omitted_terms(

@@ -32,17 +32,14 @@ _PASSES: Final = 6.0
 
 @dataclass(frozen=True)
 class Projection:
-    """Projected products of deviations with the residual and with each other.
-
-    Args:
-        onto_residual: (n_lane,) d_perp' W r; NaN for a deviation that is not finite.
-        products: (n_lane, n_lane) d_perp' W d_perp.
-        along: First-order change of the fit that accompanies each deviation.
-    """
+    """Projected products of deviations with the residual and with each other."""
 
     onto_residual: Array
+    """(n_lane,) d_perp' W r; NaN for a deviation that is not finite."""
     products: Array
+    """(n_lane, n_lane) d_perp' W d_perp."""
     along: Along
+    """First-order change of the fit that accompanies each deviation."""
 
     def of(self, lanes: slice) -> Projection:
         """Selected lanes."""
@@ -77,17 +74,14 @@ def gain_of(square: Array, right: Array) -> tuple[float, Array]:
 
 @dataclass(frozen=True)
 class Residual:
-    """Residual of a fit, with which deviations are compared.
-
-    Args:
-        fit: The fit; its simulator may use fewer substeps than the fit did.
-        series: For each record (n_sample, 2) measured minus fitted [A, rad/s].
-        stride: Samples per compared sample; 1 if the noise is whitened.
-    """
+    """Residual of a fit, with which deviations are compared."""
 
     fit: Fit
+    """The fit; its simulator may use fewer substeps than the fit did."""
     series: tuple[Array, ...]
+    """For each record (n_sample, 2) measured minus fitted [A, rad/s]."""
     stride: int
+    """Samples per compared sample; 1 if the noise is whitened."""
 
     @classmethod
     def of(cls, fit: Fit, samples: int) -> Residual:

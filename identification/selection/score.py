@@ -20,27 +20,24 @@ _OTHERS: Final = 5
 
 @dataclass(frozen=True)
 class Score:
-    """Predicted gain of a candidate.
-
-    Args:
-        candidate: The structure.
-        start: (n_parameter,) parameters, with the amplitudes that maximise the gain [unit].
-        gain: Predicted gain of the log likelihood.
-        covariance: (n_joint, n_joint) of the amplitudes scored together, as multiples of their
-            prototypes, with everything else refitted [-]; None for per-record amplitudes.
-        own: For each record its per-record amplitudes, in the order of the term's states; empty
-            without such amplitudes.
-        along: First-order change of the fitted parameters and states; None if they are held.
-        others: Starting points of the same structure with a smaller predicted gain.
-    """
+    """Predicted gain of a candidate."""
 
     candidate: Candidate
+    """The structure."""
     start: Array
+    """(n_parameter,) parameters, with the amplitudes that maximise the gain [unit]."""
     gain: float
+    """Predicted gain of the log likelihood."""
     covariance: Array | None = None
+    """(n_joint, n_joint) of the amplitudes scored together, as multiples of their prototypes, with
+    everything else refitted [-]; None for per-record amplitudes."""
     own: tuple[Array, ...] = ()
+    """For each record its per-record amplitudes, in the order of the term's states; empty without
+    such amplitudes."""
     along: Along | None = None
+    """First-order change of the fitted parameters and states; None if they are held."""
     others: tuple[Start, ...] = ()
+    """Starting points of the same structure with a smaller predicted gain."""
 
     @property
     def structure(self) -> tuple[str, str]:

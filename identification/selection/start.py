@@ -46,15 +46,12 @@ _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.08, 0.03, 0.01, 1e-3, 1e-5])
 
 @dataclass(frozen=True)
 class Along:
-    """First-order change of a fit that accompanies an added term.
-
-    Args:
-        position: (n_parameter, ...) change of the search coordinates.
-        states: For each record (n_state, ...) change of the initial states.
-    """
+    """First-order change of a fit that accompanies an added term."""
 
     position: Array
+    """(n_parameter, ...) change of the search coordinates."""
     states: tuple[Array, ...]
+    """For each record (n_state, ...) change of the initial states."""
 
     @classmethod
     def to(cls, fit: Fit, values: Array) -> Along:
@@ -73,17 +70,14 @@ class Along:
 
 @dataclass(frozen=True)
 class Start:
-    """Starting point of an added term.
-
-    Args:
-        values: (n_added,) physical values of the new parameters.
-        own: For each record initial values of the new states; default values if empty.
-        along: Predicted change of the fit; None holds it.
-    """
+    """Starting point of an added term."""
 
     values: Array
+    """(n_added,) physical values of the new parameters."""
     own: tuple[Array, ...] = ()
+    """For each record initial values of the new states; default values if empty."""
     along: Along | None = None
+    """Predicted change of the fit; None holds it."""
 
 
 def begun(

@@ -35,23 +35,20 @@ __all__ = [
 
 @dataclass
 class State:
-    """State of the selection.
-
-    Args:
-        trials: Cache of all fits and scores, with budget and policy.
-        nominal: The model without effects.
-        current: Model to which the next effect is added.
-        searched: Examined candidates, in order.
-        predicted_gain: Predicted gain of the effect that was added last; zero before the first.
-        curve: The nominal model with the best curve; None as long as none is fitted or accepted.
-    """
+    """State of the selection."""
 
     trials: Trials
+    """Cache of all fits and scores, with budget and policy."""
     nominal: EvaluatedModel
+    """The model without effects."""
     current: EvaluatedModel
+    """Model to which the next effect is added."""
     searched: list[Searched] = field(default_factory=list)
+    """Examined candidates, in order."""
     predicted_gain: float = 0.0
+    """Predicted gain of the effect that was added last; zero before the first."""
     curve: EvaluatedModel | None = None
+    """The nominal model with the best curve; None as long as none is fitted or accepted."""
 
     @property
     def round(self) -> int:

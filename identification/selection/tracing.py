@@ -34,23 +34,20 @@ _LEAST_SHARE: Final = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What one balance lacks, as a curve over one signal.
-
-    Args:
-        equation: ``electrical`` or ``mechanical``.
-        driver: The signal: current, voltage, speed, position, temperature or time.
-        gain: Predicted gain of the log likelihood.
-        share: Gain over that of the best curve [-].
-        grid: (n_point,) values of the signal, in its unit.
-        curve: (n_point,) missing torque [N m] or voltage [V].
-    """
+    """What one balance lacks, as a curve over one signal."""
 
     equation: str
+    """``electrical`` or ``mechanical``."""
     driver: str
+    """The signal: current, voltage, speed, position, temperature or time."""
     gain: float
+    """Predicted gain of the log likelihood."""
     share: float
+    """Gain over that of the best curve [-]."""
     grid: Array
+    """(n_point,) values of the signal, in its unit."""
     curve: Array
+    """(n_point,) missing torque [N m] or voltage [V]."""
 
 
 def missing_curves(fit: Fit, policy: SelectionPolicy = DEFAULT) -> list[Score]:

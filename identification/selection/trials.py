@@ -42,23 +42,20 @@ Key = frozenset[tuple[str, str]]
 
 @dataclass
 class Trials:
-    """Cache of the models of one campaign.
-
-    Args:
-        campaign: Training and validation records.
-        budget: Operation budget; no new fit starts after it is spent.
-        longest: Operations after which a first refit stops; the best fits are finished later.
-        tried: Largest number of prototypes that were scored together, for the significance limit.
-        withheld: Names of effect types that are not candidates.
-        policy: Limits of the search.
-    """
+    """Cache of the models of one campaign."""
 
     campaign: Campaign
+    """Training and validation records."""
     budget: Budget = field(default_factory=Budget)
+    """Operation budget; no new fit starts after it is spent."""
     longest: float = np.inf
+    """Operations after which a first refit stops; the best fits are finished later."""
     tried: int = 1
+    """Largest number of prototypes that were scored together, for the significance limit."""
     withheld: Collection[str] = ()
+    """Names of effect types that are not candidates."""
     policy: SelectionPolicy = DEFAULT
+    """Limits of the search."""
     _evaluated: dict[Key, EvaluatedModel] = field(default_factory=dict)
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
