@@ -37,7 +37,7 @@ from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.term import AbstractTerm
 
-__all__ = ["block_edges", "path_size", "retracked", "tracked"]
+__all__ = ["block_edges", "block_products", "path_size", "retracked", "tracked"]
 
 _COARSE: Final = 0.5
 """Variance of the phase error within a block whose phase is unknown [rad^2]."""
@@ -141,6 +141,23 @@ def block_edges(record: Record, order: float, speed_noise: float) -> NDArray[np.
     return _edges(record, order**2 * speed_noise**2 * _interval(record), _COARSE)
 
 
+def block_products(
+    responses: Array, residual: Array, weight: Array, edges: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """For each block the normal matrix (n_lane, n_lane) and the right-hand side (n_lane,).
+
+    Args:
+        responses: (n_sample, 2, n_lane) in standard deviations of the noise.
+        residual: (n_sample, 2) in standard deviations of the noise.
+        weight: (n_sample, 2) sample weights.
+        edges: (n_block + 1,) first sample of each block, and the number of samples.
+    """
+    weighted = responses * weight[:, :, None]
+    matrix = np.einsum("nci,ncj->nij", weighted, responses)
+    right = np.einsum("nci,nc->ni", weighted, residual)
+    return np.add.reduceat(matrix, edges[:-1]), np.add.reduceat(right, edges[:-1])
+
+
 def path_size(simulator: Simulator, values: Array, deviation: Array) -> int:
     """Number of phases, beyond one a record, that tracking estimates in coarse blocks.
 
@@ -200,11 +217,7 @@ class _Series:
 
     def blocks(self, edges: NDArray[np.int64], lanes: slice) -> tuple[Array, Array]:
         """For each block the normal matrix and the right-hand side of some responses."""
-        responses = self.responses[:, :, lanes]
-        weighted = responses * self.weight[:, :, None]
-        matrix = np.einsum("nci,ncj->nij", weighted, responses)
-        right = np.einsum("nci,nc->ni", weighted, self.residual)
-        return np.add.reduceat(matrix, edges[:-1]), np.add.reduceat(right, edges[:-1])
+        return block_products(self.responses[:, :, lanes], self.residual, self.weight, edges)
 
 
 def _acquired(

@@ -18,7 +18,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.effects.effect import AbstractForced, Candidate
 from identification.fit.derivatives import gradient_of
-from identification.fit.order_tracking import block_edges
+from identification.fit.order_tracking import block_edges, block_products
 from identification.fit.solve import Fit
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
@@ -235,10 +235,7 @@ def _scores_in_blocks(
         for record, part, series in zip(records, deviations, residual.series, strict=True):
             edges = block_edges(record, order, float(deviation[1]))
             scaled = part[:, :, span] / deviation[:, None]
-            weighted = scaled * record.weight[:, :, None]
-            square = np.einsum("nci,ncj->nij", weighted, scaled)
-            right = np.einsum("nci,nc->ni", weighted, series / deviation)
-            blocks = [np.add.reduceat(x, edges[:-1]) for x in (square, right)]
+            blocks = block_products(scaled, series / deviation, record.weight, edges)
             found = [gain_of(a, b) for a, b in zip(*blocks, strict=True)]
             penalty = 0.5 * group * (len(found) - 1) * np.log(record.rows / len(found))
             total += float(np.nansum([gain for gain, _ in found])) - penalty
