@@ -28,11 +28,11 @@ from identification.arrays import Array
 from identification.fit.normal_equations import state_precision
 from identification.fit.solve import Fit
 from identification.linear import least_squares
-from identification.model.blocks import BLOCK
+from identification.model.blocks import BLOCK, blocks
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
-from identification.model.scan import scan_of
+from identification.model.scan import LANES, scan_of
 from identification.model.step import advance
 from identification.model.tangent import tangent_blocks
 from identification.model.term import (
@@ -226,8 +226,8 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
     found = [np.empty((record.rows, len(moving))) for record in simulator.records]
     for k, rows in enumerate(found):
         carry = fit.states[k][:, None]
-        for first in range(0, len(rows), BLOCK):
-            part = slice(first, min(first + BLOCK, len(rows)))
+        # A pass writes whole blocks of lanes, so a block has as many rows fewer.
+        for _, (part,) in blocks([len(rows)], simulator.inputs[k].shape[0], most=BLOCK // LANES):
             inputs, _ = simulator.stretch(k, part)
             (carry,), (out,) = scan([inputs], values, [carry])
             if simulator.substeps is None:

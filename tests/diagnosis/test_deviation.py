@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -9,6 +12,7 @@ from scipy.linalg import expm
 from identification.diagnosis.deviation import deviation_of
 from identification.fit.declared import fit_declared
 from identification.model.excitation import records_of
+from identification.model.substeps import evenly
 from tests.motors import campaign, motor_named
 
 
@@ -42,3 +46,21 @@ def test_the_units_give_a_steady_response_of_about_the_noise() -> None:
     entries = np.median(deviation.pieces[0].entries, axis=0).reshape(4, 2).T
     steady = np.linalg.solve(np.eye(2) - entries[:, :2], entries[:, 2:])
     np.testing.assert_allclose(np.abs(steady).max(axis=0), 1.0, rtol=0.2)
+
+
+def test_memory_does_not_grow_with_the_substeps() -> None:
+    """The matrices of 16 and of 64 substeps are multiplied to those of the sample interval."""
+    records = records_of(campaign(motor_named("servo 100 W"), seed=3, runs=2, rows=4000))
+    fit = fit_declared(records, "zoh")
+    peaks = []
+    for count in (16, 64):
+        simulator = replace(fit.simulator, substeps=evenly([4000, 4000], count))
+        # The inputs of all rows exist for as long as the simulator.
+        assert simulator.inputs[0].shape[0] == 4000 * count
+        divided = replace(fit, simulator=simulator)
+        tracemalloc.start()
+        deviation_of(divided)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+
+    assert peaks[1] < 1.1 * peaks[0]
