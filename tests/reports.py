@@ -201,7 +201,12 @@ def _result(runs: list[RunTraces], with_effect: bool) -> dict[str, Any]:
         "feedback": _feedback(rng),
         "feedback_before": _feedback(rng) if with_effect else [],
         "feedback_nonlinear": [
-            entry | {"step_rad_s": 28.0, "effects": ["coulomb_friction"], "statement": "settles"}
+            entry
+            | {
+                "step_rad_s": 28.0,
+                "effects": ["coulomb_friction"],
+                "statement": "the speed settles",
+            }
             for entry in _feedback(rng)
         ]
         if with_effect

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 __all__ = ["result_view"]
@@ -33,7 +32,6 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
     rows = attempts.rows
     groups = rows("warnings", warning_groups, result)
     parameters = rows("table of parameters", parameter_rows, ReportData(result, ()))
-    meanings = _meanings(result)
     return {
         "story": rows("summary", headline_sentences, result),
         "key_figures": rows("key figures", key_figures, result),
@@ -54,25 +52,12 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
             for effect in result.get("effects") or ()
         ],
         "evidence": report_figures(report, "missing"),
-        "parameters": [
-            replace(row, meaning=meanings.get((row.meaning, row.name), row.meaning))
-            for row in parameters
-        ],
+        "parameters": list(parameters),
         "has_before": any(row.before for row in parameters),
         "errors": rows("table of errors", error_rows, result),
         "steps": report_figures(report, "loop"),
         "feedback": rows("table of the loop", feedback_tables, result.get("feedback") or ()),
         "remarks": attempts.remarks,
-    }
-
-
-def _meanings(result: Mapping[str, Any]) -> dict[tuple[str, str], str]:
-    """Meaning of each parameter of an effect, by the text that the report has and its name."""
-    return {
-        (f"of {effect['name']}", name): f"{_words(effect['name'])}: {entry['meaning']}"
-        for effect in result.get("effects") or ()
-        for name, entry in effect["parameters"].items()
-        if entry.get("meaning")
     }
 
 

@@ -299,20 +299,20 @@ def _header_warnings(
         titles = listed(column.title for column in spare)
         yield locator.warning("unused_columns", f"columns not used: {titles}")
     for name, channel in channels.items():
-        header = channel.column.unit
-        if header is not None and header != channel.unit and channel.scale == 1.0:
+        header, unit = channel.column.unit, channel.unit
+        if header is None:
+            continue
+        if name == "current_A" and header.quantity != unit.quantity:
             yield locator.warning(
-                "unit_overridden",
-                f"the header gives {header.name} and the mapping {channel.unit.name}; "
-                "the mapping is used",
+                "unknown_gain",
+                f"the header gives {header.name}, and the mapping alone gives {unit.name}: the "
+                "gain of a current sensor is not identifiable, so an error of this gain scales "
+                "Ra25, L, J, b and the torques",
                 name,
             )
-    header, unit = channels["current_A"].column.unit, channels["current_A"].unit
-    if header is not None and header.quantity != unit.quantity:
-        yield locator.warning(
-            "unknown_gain",
-            f"the header gives {header.name}, and the mapping alone gives {unit.name}: the gain of "
-            "a current sensor is not identifiable, so an error of this gain scales Ra25, L, J, b "
-            "and the torques",
-            "current_A",
-        )
+        elif header != unit and channel.scale == 1.0:
+            yield locator.warning(
+                "unit_overridden",
+                f"the header gives {header.name} and the mapping {unit.name}; the mapping is used",
+                name,
+            )

@@ -12,6 +12,7 @@ from identification.reporting.summary import (
     POOR_FIT,
     deciding_errors,
     identified_sentence,
+    is_incomplete,
     verdict_words,
 )
 from identification.result.entries import NEAR_NOISE, known_only_from
@@ -26,7 +27,12 @@ from identification.result.numbers import (
     unit_prefix,
     unit_text,
 )
-from identification.result.report_data import CandidateRow, MissingTerm, ReportData
+from identification.result.report_data import (
+    CandidateRow,
+    MissingTerm,
+    MissingTrace,
+    ReportData,
+)
 
 __all__ = [
     "EffectTile",
@@ -70,6 +76,8 @@ class EffectTile:
     """Effects that the runs cannot exclude, with their probabilities."""
     term: MissingTerm | None
     """Estimates of the missing quantity against the driver; None if not computed."""
+    trace: MissingTrace | None
+    """Estimates of the missing quantity over time; None if not computed."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +167,7 @@ def _effects_sentence(result: Entry) -> str:
 def effect_tiles(data: ReportData) -> list[EffectTile]:
     """One tile per effect of the final model, strongest evidence first."""
     terms = data.account.terms if data.account else ()
+    traces = data.account.traces if data.account else ()
     candidates = data.account.candidates if data.account else ()
     return [
         EffectTile(
@@ -174,6 +183,7 @@ def effect_tiles(data: ReportData) -> list[EffectTile]:
                 ]
             ),
             term=next((term for term in terms if term.effect == effect["name"]), None),
+            trace=next((trace for trace in traces if trace.effect == effect["name"]), None),
         )
         for effect in data.result["effects"]
     ]
@@ -253,8 +263,10 @@ def key_figures(result: Entry) -> list[KeyFigure]:
     """
     entries = result["parameters"].values()
     known = sum(1 for entry in entries if entry["identified"] and not known_only_from(entry))
-    tone = "good" if known == len(entries) else "fair"
-    count = KeyFigure("Parameters identified", f"{known} of {len(entries)}", "", tone)
+    is_open = is_incomplete(result)
+    remark = "of an incomplete model" if is_open else ""
+    tone = "good" if known == len(entries) and not is_open else "fair"
+    count = KeyFigure("Parameters identified", f"{known} of {len(entries)}", remark, tone)
     return [count, *_loop_figures(result)]
 
 

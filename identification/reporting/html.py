@@ -47,6 +47,7 @@ from identification.reporting.warnings import warning_groups
 from identification.result.attempts import Attempts, figure
 from identification.result.entries import finite_or_null
 from identification.result.numbers import (
+    UNKNOWN,
     count_text,
     number_text,
     percent_text,
@@ -137,6 +138,7 @@ def _environment() -> Environment:
     environment.filters |= {
         "number": number_text,
         "percent": percent_text,
+        "plain": lambda value: UNKNOWN if value is None else f"{value:.6g}",
         "probability": probability_text,
         "change": signed_percent_text,
         "count": count_text,

@@ -112,7 +112,7 @@ def _remark(simulated: Sequence[Entry]) -> str:
         return ""
     first = simulated[0]
     words = " and ".join(name.replace("_", " ") for name in first["effects"])
-    ends = "; ".join(f"at {e['temperature_degC']:g} °C it {e['statement']}" for e in simulated)
+    ends = "; ".join(f"at {e['temperature_degC']:g} °C {e['statement']}" for e in simulated)
     return (
         f"The loop with {words} is nonlinear, so its response depends on the step size. The "
         f"simulated reference step from standstill is {number_text(first['step_rad_s'], 2)} rad/s, "

@@ -21,6 +21,7 @@ __all__ = [
     "deciding_errors",
     "further_sentences",
     "identified_sentence",
+    "is_incomplete",
     "summary_sentences",
     "verdict_words",
 ]
@@ -131,8 +132,9 @@ def _shifted(result: Entry) -> str:
     if not worst:
         return ""
     biases = [
-        f"{name} {percent_text(abs(medians[name]), 2)} too {'high' if medians[name] > 0 else 'low'}"
-        for name in worst
+        f"{name} {percent_text(abs(bias), 3 if abs(bias) >= 1.0 else 2)} "
+        f"too {'high' if bias > 0 else 'low'}"
+        for name, bias in ((name, medians[name]) for name in worst)
     ]
     cause = "this effect" if len(result["effects"]) == 1 else "these effects"
     return f"Without {cause}, the fit estimates {listed(biases)}."
@@ -189,8 +191,8 @@ def _verdict(result: Entry, worst: float, coloured: Sequence[str]) -> str:
     failed = {check["role"] for check in remaining.get("checks", []) if not check["passed"]}
     if failed == {"validation"}:
         return (
-            "the model explains the training runs but not the validation runs; these contain an "
-            "effect of the motor, the load or a sensor that no training run contains"
+            "the residual is not noise, as it is on the training runs; the validation runs may "
+            "contain an effect or a condition that no training run contains"
         )
     if worst > NEAR_NOISE and (failed or not remaining):
         return "the model lacks an effect of the motor or of a sensor"
@@ -233,7 +235,18 @@ def identified_sentence(result: Entry) -> str:
             f"The runs do not determine {listed(unknown)}; treat "
             f"{'its value' if len(unknown) == 1 else 'their values'} as unknown."
         )
-    return f"The runs determine all {len(entries)} parameters."
+    words = f"The runs determine all {len(entries)} parameters"
+    if is_incomplete(result):
+        return f"{words} of this incomplete model; an interval may not contain the true value."
+    return f"{words}."
+
+
+def is_incomplete(result: Entry) -> bool:
+    """Whether the final model leaves more than sensor noise on the training runs."""
+    remaining = result["diagnosis"].get("remaining") or {}
+    return any(
+        not check["passed"] and check["role"] == "training" for check in remaining.get("checks", [])
+    )
 
 
 def _given(result: Entry) -> str:

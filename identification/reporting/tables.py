@@ -129,7 +129,10 @@ def parameter_rows(data: ReportData) -> list[ParameterRow]:
         for name, entry in effect["parameters"].items():
             if name not in listed:
                 row = _parameter_row(name, entry, data, None)
-                rows.append(replace(row, meaning=f"of {effect['name']}"))
+                words = effect["name"].replace("_", " ")
+                meaning = entry.get("meaning")
+                text = f"{words}: {meaning}" if meaning else f"of {words}"
+                rows.append(replace(row, meaning=text))
     return rows
 
 
@@ -220,6 +223,7 @@ def _parameter_row(
     if origin := known_only_from(entry):
         is_identified, reason = False, f"from {origin}, not from the runs"
     ends = [one["median"] for one in (entry, declared) if one]
+    shift = _shift(name, declared, entry, data.result) if declared else ("", "")
     factor, unit = unit_prefix(entry["unit"], ends)
     return ParameterRow(
         name=name,
@@ -230,8 +234,8 @@ def _parameter_row(
         reason=reason,
         source=_SOURCES.get(name, ""),
         before=_interval(declared, factor) if declared else None,
-        shift=_shift(declared, entry) if declared else "",
-        shift_bounds=_shift_bounds(name, data.result) if declared else "",
+        shift=shift[0],
+        shift_bounds=shift[1],
     )
 
 
@@ -287,18 +291,15 @@ def _change(before: float | None, after: float | None) -> str:
     return signed_percent_text(after / before - 1.0)
 
 
-def _shift(declared: Entry, final: Entry) -> str:
-    """Deviation of the nominal model, in per cent of the final value."""
+def _shift(name: str, declared: Entry, final: Entry, result: Entry) -> tuple[str, str]:
+    """Deviation of the nominal model in per cent of the final value, and its 90 % interval."""
+    relative = ((result["diagnosis"].get("shifts") or {}).get(name) or {}).get("relative") or {}
+    ends = [relative[key] for key in ("q05", "median", "q95") if relative.get(key) is not None]
+    if len(ends) == 3:
+        decimals = len(interval_text(0.0, 100.0 * ends[0], 100.0 * ends[2]).low.partition(".")[2])
+        low, middle, high = (f"{100.0 * end:+.{decimals}f}".replace("-", "−") for end in ends)
+        return f"{middle} %", f"{low} … {high} %"
     if declared["median"] is None or not final["median"]:
-        return UNKNOWN
-    return signed_percent_text((declared["median"] - final["median"]) / abs(final["median"]))
-
-
-def _shift_bounds(name: str, result: Entry) -> str:
-    """90 % interval of the shift; empty if the result has none."""
-    shift = (result["diagnosis"].get("shifts") or {}).get(name)
-    if shift is None or None in (shift["relative"]["q05"], shift["relative"]["q95"]):
-        return ""
-    low, high = (100.0 * shift["relative"][key] for key in ("q05", "q95"))
-    decimals = interval_text(0.0, low, high).low.partition(".")[2]
-    return f"{low:+.{len(decimals)}f} … {high:+.{len(decimals)}f} %".replace("-", "−")
+        return UNKNOWN, ""
+    change = (declared["median"] - final["median"]) / abs(final["median"])
+    return signed_percent_text(change), ""

@@ -10,7 +10,7 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
 from identification.result.missing_terms import undrawn_sentence
-from identification.result.numbers import listed, number_text
+from identification.result.numbers import interval_text, listed, number_text
 from identification.result.report_data import CandidateRow, MissingTerm, MissingTrace, SearchAccount
 from identification.result.search import reason_of
 from identification.result.simulation_errors import UNEXPLAINED_CHANNEL
@@ -55,8 +55,16 @@ def account_of(
         terms=tuple(terms),
         traces=tuple(traces),
         candidates=tuple(_candidates(outcome, by_name)),
-        remaining=tuple(dict.fromkeys(sentence for sentence in remaining if sentence)),
+        remaining=_once(remaining),
     )
+
+
+def _once(sentences: Sequence[str]) -> tuple[str, ...]:
+    """Sentences without those on a channel that an earlier one is about."""
+    first: dict[str, str] = {}
+    for sentence in filter(None, sentences):
+        first.setdefault(sentence.partition(":")[0], sentence)
+    return tuple(first.values())
 
 
 def _where(trace: Mapping[str, Any]) -> str:
@@ -156,14 +164,11 @@ def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
 
 
 def _off(relative: Mapping[str, Any]) -> str:
-    """Bias as text, such as ``13 % too high (12.9 to 13.1 %)``."""
-    ends = sorted(100 * abs(relative[key]) for key in ("q05", "q95"))
-    middle = 100 * abs(relative["median"])
-    digits = max(0, min(3, 1 - math.floor(math.log10(max(ends[1] - ends[0], 1e-3)))))
-    return (
-        f"{number_text(middle, 2)} % too {'high' if relative['median'] > 0 else 'low'} "
-        f"({ends[0]:.{digits}f} to {ends[1]:.{digits}f} %)"
-    )
+    """Bias as text, such as ``13.0 % too high (12.9 to 13.1 %)``."""
+    low, middle, high = sorted(100 * abs(relative[key]) for key in ("q05", "median", "q95"))
+    text = interval_text(middle, low, high)
+    side = "high" if relative["median"] > 0 else "low"
+    return f"{text.median} % too {side} ({text.low} to {text.high} %)"
 
 
 def _candidates(outcome: Outcome, terms: Mapping[str, AbstractEffect]) -> list[CandidateRow]:

@@ -60,7 +60,7 @@ def _unconverged(sample: Sample, effort: str, limit: str) -> ResultWarning:
     found = sample.convergence
     message = (
         f"the sampler did not converge: it stopped after {found.steps} steps, "
-        f"{found.steps / found.autocorrelation_time:.0f} autocorrelation times, with R-hat "
+        f"{found.steps / found.autocorrelation_time:.1f} autocorrelation times, with R-hat "
         f"{found.r_hat_max:.3f}; expected at least {REQUIRED_LENGTH:g} and at most "
         f"{LARGEST_R_HAT}; "
         + _SUBSTITUTES[sample.source]

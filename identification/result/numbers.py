@@ -82,6 +82,10 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
         decimals = 4 - _leading(max((abs(value) for value in known), default=1.0) * scale)
     decimals = min(max(decimals, 0), 9)
     middle, lower, upper = (_fixed(value, scale, decimals) for value in (median, low, high))
+    if median and low and low * (high or 0.0) > 0.0 and float(middle.replace("−", "-")) == 0.0:
+        # The interval covers decades, and the median is small beside its width.
+        middle, lower, upper = (number_text(value, 2) for value in (median, low, high))
+        return Interval(middle, lower, upper, "")
     return Interval(middle, lower, upper, _power(exponent))
 
 

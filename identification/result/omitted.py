@@ -10,6 +10,7 @@ import numpy as np
 from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
 from identification.quantities import DECLARED_PARAMETERS
+from identification.result.numbers import percent_text
 from identification.selection.confounded import turns_one_way
 from identification.selection.omitted import OmittedTerm, consider_variances
 from identification.warning import ResultWarning
@@ -146,6 +147,6 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultW
         "the residual holds structure that no effect explains: adding a term would improve the fit "
         f"by more than chance, but none passes the acceptance criteria ({names}); the intervals "
         "include what such a term could change, which is most for "
-        f"{most}: {100 * shares[most]:.3g} % of its value (one standard deviation)"
+        f"{most}: {percent_text(shares[most])} of its value (one standard deviation)"
     )
     return [ResultWarning("omitted_terms", "warning", message)]

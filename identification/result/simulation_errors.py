@@ -98,12 +98,13 @@ def unexplained_channels(findings: Findings) -> list[ResultWarning]:
             if ratio is not None and checks:
                 off = max(ratio, checks[0].noise_ratio)
                 message = (
-                    f"the model does not explain the {channel} of the {role} runs: the residual is "
+                    f"the model does not explain the {channel} on the {role} runs: the residual is "
                     f"{off:.4g} times the sensor noise (limit {checks[0].noise_ratio_limit:.4g})"
                 )
                 warnings.append(ResultWarning(UNEXPLAINED_CHANNEL, "warning", message))
     odd = outlying_run_warnings(findings.simulated["after"]["training"], findings.noise)
-    other = ResultWarning("residual_not_noise", "warning", findings.after.sentence)
+    sentence = findings.after.sentence.removesuffix(".")
+    other = ResultWarning("residual_not_noise", "warning", sentence)
     return (warnings or [other]) + odd
 
 

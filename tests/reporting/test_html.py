@@ -181,7 +181,7 @@ def test_the_report_contains_its_parts(clean: str, words: str) -> None:
         "ruled out",
         "not supported by the validation runs",
         "The residual is white noise.",
-        "+11 %",
+        "+11.00 %",
         "−76 %",
     ],
 )

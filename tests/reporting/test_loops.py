@@ -33,6 +33,7 @@ def test_the_step_of_the_simulation_is_stated(result: dict[str, Any]) -> None:
     (comparison,) = loop_comparisons(result)
 
     assert "28 rad/s" in comparison.remark
+    assert "at 25 °C the speed settles" in comparison.remark
     assert "coulomb friction" in comparison.remark
 
 

@@ -57,6 +57,34 @@ def test_the_verdict_follows_the_noise_ratio(
     assert error_bars(changed)[0].tone == tone
 
 
+def with_failed_check(result: dict[str, Any], role: str) -> dict[str, Any]:
+    """Let the residual of the final model be more than noise on the runs of one role."""
+    checks = [{"channel": "current", "role": role, "passed": False}]
+    result["diagnosis"]["remaining"] = {"missing": True, "checks": checks}
+    return result
+
+
+def test_an_incomplete_model_does_not_claim_that_its_intervals_hold(result: dict[str, Any]) -> None:
+    """All parameters are identified, but the residual of the training runs exceeds the noise."""
+    changed = with_failed_check(result, "training")
+
+    assert "an interval may not contain the true value" in headline_sentences(changed)[-1]
+    (count, *_) = key_figures(changed)
+    assert (count.value, count.remark, count.tone) == ("7 of 7", "of an incomplete model", "fair")
+
+
+def test_a_residual_of_the_validation_runs_alone_leaves_the_cause_open(
+    result: dict[str, Any],
+) -> None:
+    """An effect that no training run contains is one cause, an unlogged temperature another."""
+    changed = with_failed_check(result, "validation")
+
+    assert "the validation runs may contain an effect or a condition" in " ".join(
+        headline_sentences(changed)
+    )
+    assert key_figures(changed)[0].tone == "good"
+
+
 def test_a_good_ratio_with_a_coloured_residual_is_reported(result: dict[str, Any]) -> None:
     """Noise estimated from the residual makes the ratio 1 for any model; whiteness decides."""
     told = " ".join(summary_sentences(result, coloured=["speed"]))
@@ -96,10 +124,20 @@ def test_a_shift_is_taken_relative_to_the_final_value() -> None:
     """A nominal estimate 11 % above the final one gives a shift of +11 %."""
     rows = {row.name: row for row in parameter_rows(make_report(rows=300, with_effect=True))}
 
-    assert rows["Ra25"].shift == "+11 %"
-    assert rows["alpha_Kt"].shift == "−11 %"
-    assert rows["torque"].meaning == "of coulomb_friction"
+    assert rows["Ra25"].shift == "+11.00 %"
+    assert rows["alpha_Kt"].shift == "+11.00 %"
+    assert rows["torque"].meaning == "of coulomb friction"
     assert rows["torque"].before is None
+
+
+def test_a_parameter_of_an_effect_is_named_by_its_meaning() -> None:
+    """The meaning that result.json gives, and the effect alone in a result without it."""
+    report = make_report(rows=300, with_effect=True)
+    (effect,) = report.result["effects"]
+    effect["parameters"]["torque"]["meaning"] = "torque at high speed"
+    rows = {row.name: row for row in parameter_rows(report)}
+
+    assert rows["torque"].meaning == "coulomb friction: torque at high speed"
 
 
 def test_columns_of_feedback_go_from_cold_to_hot(result: dict[str, Any]) -> None:

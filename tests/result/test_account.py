@@ -48,6 +48,23 @@ def outcome(name: str, *searched: Searched) -> Outcome:
     return Outcome(fit_with(), (found,), searched)
 
 
+def test_a_channel_is_named_once_among_what_remains() -> None:
+    """The diagnosis and a warning state the same ratio of the same channel."""
+    told = result()
+    told["diagnosis"]["remaining"]["sentence"] = (
+        "The model does not explain the current on the training runs: the residual is 6.16 times "
+        "the sensor noise (limit 1.23); the residual is autocorrelated."
+    )
+    told["warnings"][0] = (
+        "the model does not explain the current on the training runs: the residual is 6.161 times "
+        "the sensor noise (limit 1.229)"
+    )
+    account = account_of(outcome("coulomb_friction"), told, fit_with(CoulombFriction(1.0, 1.0)))
+
+    assert account is not None
+    assert account.remaining == (told["diagnosis"]["remaining"]["sentence"],)
+
+
 def test_a_shift_is_reported_with_its_interval_and_its_cause() -> None:
     """The shift of b, 11 % (10.5 to 11.5 %), is attributed to the omitted friction."""
     account = account_of(outcome("coulomb_friction"), result(), fit_with(CoulombFriction(1.0, 1.0)))
@@ -55,7 +72,7 @@ def test_a_shift_is_reported_with_its_interval_and_its_cause() -> None:
     assert account is not None
     told = " ".join(account.sentences)
     assert "The nominal model omits coulomb friction" in told
-    assert "b is 11 % too high (10.5 to 11.5 %)" in told
+    assert "b is 11.00 % too high (10.50 to 11.50 %)" in told
     assert "viscous temperature (3 %)" in told
     assert account.remaining == (
         "Nothing is missing.",

@@ -37,6 +37,13 @@ def test_the_ends_of_an_interval_have_the_decimals_of_the_median() -> None:
     assert (written.median, written.low, written.high) == ("0.5903", "0.5895", "0.5912")
 
 
+def test_an_interval_over_decades_keeps_its_median() -> None:
+    """A median of 0.0021 in an interval up to 36 is not zero: each number has its own power."""
+    written = interval_text(0.0021, 1.3e-7, 36.0)
+
+    assert (written.median, written.low, written.high) == ("0.0021", "1.3 ×10⁻⁷", "36")
+
+
 @pytest.mark.parametrize(
     ("values", "factor", "unit"),
     [

@@ -38,7 +38,8 @@ def corner_figure(posterior: PosteriorChain) -> str:
     ]
     draws = draws * 10.0 ** -np.array(powers, dtype=np.float64)
     limits = [_limits(column) for column in draws.T]
-    size = min(118.0, 780.0 / len(names))
+    # With 14 parameters, the label of the last one ends at the width of the page, 990 px.
+    size = min(118.0, 728.0 / len(names))
     body = []
     for row in range(len(names)):
         for column in range(row + 1):
