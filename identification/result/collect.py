@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -113,9 +114,12 @@ def _runs(findings: Findings) -> list[RunTraces]:
         ("training", findings.campaign.training_runs),
         ("validation", findings.campaign.validation_runs),
     ):
-        after = _by_run(findings.simulated["after"][role], runs)
-        before = _by_run(findings.simulated["before"][role], runs)
-        for run, a, b in zip(runs, after, before, strict=True):
+        simulated = findings.simulated["after"][role]
+        after = _by_run(simulated, runs, lambda s: s.logged)
+        before = _by_run(findings.simulated["before"][role], runs, lambda s: s.logged)
+        measured = _by_run(simulated, runs, lambda s: s.record.measured)
+        for run, a, b, m in zip(runs, after, before, measured, strict=True):
+            current = run.used("current_A")
             traces.append(
                 RunTraces(
                     name=run.name,
@@ -123,7 +127,8 @@ def _runs(findings: Findings) -> list[RunTraces]:
                     time=run.time,
                     voltage=run.voltage,
                     temperature=run.temperature,
-                    measured_current=run.used("current_A"),
+                    # The record has the gain of the first run where the current sensor had another.
+                    measured_current=np.where(np.isnan(current * m[:, 0]), current, m[:, 0]),
                     measured_speed=run.used("speed_rad_s"),
                     after_current=a[:, 0],
                     after_speed=a[:, 1],
@@ -134,13 +139,15 @@ def _runs(findings: Findings) -> list[RunTraces]:
     return traces
 
 
-def _by_run(simulated: list[Simulated], runs: tuple[Run, ...]) -> list[Array]:
-    """Simulated channels of whole runs (n_sample, 2), NaN in the gaps between segments."""
+def _by_run(
+    simulated: list[Simulated], runs: tuple[Run, ...], channels: Callable[[Simulated], Array]
+) -> list[Array]:
+    """Channels of whole runs (n_sample, 2), NaN in the gaps between segments."""
     numbers = sorted({s.record.run for s in simulated})
     series = [np.full((run.rows, 2), np.nan) for run in runs]
     for s in simulated:
         at = numbers.index(s.record.run)
-        series[at][s.record.start : s.record.start + s.record.rows] = s.logged
+        series[at][s.record.start : s.record.start + s.record.rows] = channels(s)
     return series
 
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.gains import GainRatio, current_gains, with_one_gain
 from identification.ingest.run import Run
+from identification.options import FitOptions
+from identification.pipeline import identify
+from identification.result.collect import report_data
 from tests.motors import NAMES, Motor, campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
@@ -61,3 +65,15 @@ def test_all_runs_are_scaled_to_the_gain_of_the_first() -> None:
     assert fit.values[0] == pytest.approx(SERVO.vector[0], rel=0.01)
     assert fit.values[4] == pytest.approx(SERVO.vector[4], rel=0.01)
     assert any(w.code == "unknown_current_gain" for w in with_one_gain(made, found).warnings)
+
+
+def test_the_report_draws_all_currents_with_the_gain_of_the_first_run() -> None:
+    """The errors of the result are those of the scaled currents, so the plots show these."""
+    options = FitOptions(effects=False, posterior=False)
+    found = identify([driven(SERVO)], [driven(SERVO, 0.5, seed=2)], options)
+
+    run = report_data(found.result, found.findings).runs[1]
+    error = float(np.sqrt(np.nanmean((run.measured_current - run.after_current) ** 2)))
+    assert error == pytest.approx(
+        found.result["errors"]["after"]["validation"]["current"]["rmse"], rel=0.01
+    )
