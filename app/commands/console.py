@@ -200,7 +200,10 @@ def _parameters(result: Mapping[str, Any]) -> Table:
 
 
 def _effect(effect: Mapping[str, Any]) -> str:
-    return f"{effect['name']} ({effect['equation']}), probability {effect['probability']:.3g}"
+    from identification.result.numbers import probability_text
+
+    chance = probability_text(effect["probability"])
+    return f"{effect['name']} ({effect['equation']}), probability {chance}"
 
 
 def _errors(result: Mapping[str, Any]) -> Table:

@@ -43,13 +43,14 @@ def prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str, 
     if found is None:
         return {"training": 0}
     # Lazy import: numpy would slow down every start.
-    from identification.result.numbers import unit_text
+    from identification.result.numbers import number_text, unit_prefix, unit_text
 
+    units = {n: unit_prefix(e["unit"], [e["value"]]) for n, e in found["parameters"].items()}
     parameters = [
         {
             "name": name,
-            "value": f"{entry['value']:.3g}".replace("-", "\u2212"),
-            "unit": unit_text(entry["unit"]),
+            "value": number_text(units[name][0] * entry["value"], 3),
+            "unit": unit_text(units[name][1]),
             "precision": _precision(entry),
             "identified": entry["identified"],
             "advice": entry["advice"],

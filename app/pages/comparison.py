@@ -74,6 +74,11 @@ def _row(name: str, a: Result | None, b: Result | None, drift: Drift | None) -> 
         unit_text,
     )
 
+    # A change relative to a value that may be zero says nothing.
+    is_relative = drift is not None and all(
+        one is None or None in (one["q05"], one["q95"]) or one["q05"] * one["q95"] > 0.0
+        for one in (a, b)
+    )
     unit = (b or a or {}).get("unit", "")
     factor, unit = unit_prefix(unit, [one["median"] for one in (a, b) if one is not None])
     return {
@@ -88,7 +93,7 @@ def _row(name: str, a: Result | None, b: Result | None, drift: Drift | None) -> 
             for one in (a, b)
         ],
         "is_identified": [one is None or bool(one["identified"]) for one in (a, b)],
-        "relative": UNKNOWN if drift is None else signed_percent_text(drift.relative),
+        "relative": signed_percent_text(drift.relative) if drift and is_relative else UNKNOWN,
         "sds": UNKNOWN
         if drift is None or drift.sds is None
         else f"{drift.sds:+.1f}".replace("-", "−"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,6 +14,8 @@ from app.tables import PendingRow
 __all__ = ["pending_list_view", "pending_view"]
 
 _FACTORS = ("duty", "bus_voltage_V")
+_SCALED = re.compile(r"(?P<header>.*) \* (?P<factor>\S+)(?: in (?P<unit>\S+))?")
+"""Mapping without offset and period, as the checks propose it."""
 
 _STATES = {
     "ready": "ready",
@@ -98,9 +101,23 @@ def _finding(finding: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "is_refused": finding["severity"] == "refuse",
         "text": f"{label}: {finding['message']}" if label else finding["message"],
-        "corrections": finding["corrections"],
+        "corrections": [_correction(words) for words in finding["corrections"]],
         "code": finding["code"],
     }
+
+
+def _correction(words: str) -> str:
+    """Correction in the fields of the page, from ``FILE:CHANNEL=HEADER * FACTOR in UNIT``."""
+    place, _, source = words.partition("=")
+    label = CHANNELS[place.rpartition(":")[2]]
+    found = _SCALED.fullmatch(source)
+    if found is None:
+        return f"{label}: {source or 'none'}"
+    factor = float(found["factor"])
+    parts = [f"column {found['header']}", f"sign {'−' if factor < 0.0 else '+'}"]
+    parts += [f"unit {found['unit']}"] if found["unit"] else []
+    parts += [f"factor {abs(factor):.12g}"] if abs(factor) != 1.0 else []
+    return f"{label}: {', '.join(parts)}"
 
 
 def _channel(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -90,7 +90,7 @@ def tuning_view(found: Mapping[str, Any], remarks: tuple[str, ...]) -> dict[str,
     from identification.reporting.figures.curves import step_figure
     from identification.reporting.figures.drawn import drawn_chart
     from identification.result.attempts import figure
-    from identification.result.numbers import listed, number_text
+    from identification.result.numbers import listed
     from identification.result.report_data import StepResponse
 
     entry, step = found["controllers"][0], found["step_rad_s"]
@@ -103,22 +103,13 @@ def tuning_view(found: Mapping[str, Any], remarks: tuple[str, ...]) -> dict[str,
         )
         for response in entry["responses"]
     ]
-    rows = []
-    for name in _METRICS:
-        cells = []
-        for at in entry["temperatures"]:
-            low, high = (at[name][end] for end in ("q05", "q95"))
-            text = "–" if low is None or high is None else number_text(low)
-            if text != "–" and number_text(high) != text:
-                text = f"{text} to {number_text(high)}"
-            cells.append((text, at[name].get("met_probability")))
-        rows.append((*FIELDS[name], found["specification"][name], cells))
+    rows = [_row(name, entry["temperatures"], found["specification"][name]) for name in _METRICS]
     return {
         "controller": entry["controller"],
         "meets": entry["meets"],
         "probability": f"{100 * entry['probability']:.3g} %",
         "statement": entry["statement"],
-        "step": number_text(step),
+        "step": f"{step:g}",
         "draws": found["draws"],
         "figure": figure("step response", lambda: drawn_chart(step_figure(steps))),
         "temperatures": [f"{at['temperature_degC']:g} °C" for at in entry["temperatures"]],
@@ -126,3 +117,20 @@ def tuning_view(found: Mapping[str, Any], remarks: tuple[str, ...]) -> dict[str,
         "effects": listed([name.replace("_", " ") for name in found["effects"]]),
         "remarks": remarks,
     }
+
+
+def _row(
+    name: str, temperatures: Sequence[Mapping[str, Any]], limit: float | None
+) -> tuple[str, str, float | None, list[tuple[str, float | None]]]:
+    """Label, unit, limit and cells of one metric, with the 90 % interval at each temperature."""
+    from identification.result.numbers import UNKNOWN, number_text, unit_prefix
+
+    label, unit = FIELDS[name]
+    ends = [(at[name]["q05"], at[name]["q95"]) for at in temperatures]
+    factor, unit = unit_prefix(unit, [limit, *(end for pair in ends for end in pair)])
+    cells = []
+    for at, pair in zip(temperatures, ends, strict=True):
+        known = [factor * end for end in pair if end is not None]
+        texts = list(dict.fromkeys(number_text(end) for end in known)) if len(known) == 2 else []
+        cells.append((" to ".join(texts) or UNKNOWN, at[name].get("met_probability")))
+    return label, unit, None if limit is None else factor * limit, cells

@@ -92,7 +92,7 @@ def _option(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return ", ".join(str(part) for part in value)
+        return ", ".join(f"{part:g}" if isinstance(part, float) else str(part) for part in value)
     return _NONE if value is None else str(value)
 
 

@@ -14,7 +14,7 @@ from identification.result.numbers import number_text, scaled_unit, unit_power
 
 __all__ = ["history_figure"]
 
-_BOX = (80.0, 10.0, 370.0, 150.0)
+_BOX = (92.0, 10.0, 358.0, 150.0)
 _MOST_LABELS = 4
 
 

@@ -118,10 +118,24 @@ def _mapped_channels(
     columns: Sequence[Column], mapping: Mapping[str, ChannelMapping], errors: list[RunFileError]
 ) -> dict[str, Channel]:
     found: dict[str, Channel] = {}
+    absent: list[str] = []
     for name, entry in mapping.items():
-        if entry.column is not None:
+        if entry.column is None:
+            continue
+        matches = [column for column in columns if column.has_name(entry.column)]
+        if matches:
             with collected(errors):
-                found[name] = _mapped(entry, columns)
+                found[name] = _mapped(entry, matches)
+        else:
+            absent.append(f"{quoted(entry.column)} for {name}")
+    if absent:
+        errors.append(
+            MappingError(
+                f"there is no column {', '.join(absent)}, as the mapping gives; "
+                f"the file has {listed(column.title for column in columns)}",
+                value=absent[0],
+            )
+        )
     return found
 
 
@@ -164,15 +178,7 @@ def _factors(
     return found if len(found) == len(FACTOR_QUANTITIES) else {}
 
 
-def _mapped(entry: ChannelMapping, columns: Sequence[Column]) -> Channel:
-    title = entry.column or ""
-    matches = [column for column in columns if column.has_name(title)]
-    if not matches:
-        raise MappingError(
-            f"there is no column {quoted(title)}, to which the mapping assigns {entry.channel}; "
-            f"the file has {listed(column.title for column in columns)}",
-            value=title,
-        )
+def _mapped(entry: ChannelMapping, matches: Sequence[Column]) -> Channel:
     if len(matches) > 1:
         raise duplicate_columns(matches)
     column = matches[0]

@@ -58,9 +58,10 @@ def missing_columns(
 ) -> RunFileError:
     """One error for all channels without a column, each with its similar columns."""
     similar = {name: similar_columns(name, free) for name in names}
-    found = "; ".join(
-        f"{name} may be {listed(c.title for c in columns)}" if columns else f"{name} has none"
-        for name, columns in similar.items()
+    found = "".join(
+        f"; {name} may be {listed(column.title for column in near)}"
+        for name, near in similar.items()
+        if near
     )
     likely = [name for name in names if similar[name]] or names[:1]
     examples: list[Example] = [
@@ -86,7 +87,7 @@ def missing_columns(
         )
         examples.append(scaled_example("position_rad", angles[0], "RAD_PER_COUNT"))
     return MissingColumn(
-        f"no column for {', '.join(names)}; similar columns: {found}; the file has "
+        f"no column for {', '.join(names)}{found}; the file has "
         f"{listed(column.title for column in columns)}; log the missing channel{hint}",
         column=names[0],
         examples=examples,

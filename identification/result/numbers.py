@@ -160,7 +160,8 @@ def signed_percent_text(share: float | None) -> str:
         # A reduction by 99.7 % is not one to nothing.
         return f"−{min(-percent, 99.99):.2f} %"
     digits = 0 if abs(percent) >= 10.0 else 1 if abs(percent) >= 1.0 else 2
-    return f"{percent:+.{digits}f} %".replace("-", "−")
+    text = f"{percent:+.{digits}f} %".replace("-", "−")
+    return text if float(text[1:-2]) else text[1:]
 
 
 def count_text(value: int | None) -> str:

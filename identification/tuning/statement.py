@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from identification.result.numbers import unit_prefix
 from identification.tuning.specification import METRICS
 
 __all__ = ["statement"]
@@ -49,15 +50,15 @@ def _judgement(
             return [first]
         return [
             first,
-            f"closest to its limit is the {label} at {worst['temperature_degC']:g} degC: "
+            f"closest to its limit is the {label} at {worst['temperature_degC']:g} °C: "
             f"{_value(worst)} at the {100 * worst['quantile']:.3g} % quantile, "
-            f"limit {worst['limit']:g} {worst['unit']}",
+            f"limit {_value(worst, 'limit')}",
         ]
     words = [
         f"{entry['controller']} meets the specification in {share} of the draws; "
         f"{100 * probability:.3g} % are required"
     ]
-    at = f"at {worst['temperature_degC']:g} degC"
+    at = f"at {worst['temperature_degC']:g} °C"
     if worst["value"] is None:
         words.append(
             f"{at} the {label} does not exist in too many draws: the speed does not settle"
@@ -66,8 +67,7 @@ def _judgement(
         side = "above" if METRICS[worst["metric"]].is_upper else "below"
         words.append(
             f"the {label} {at} is {_value(worst)} at the {100 * worst['quantile']:.3g} % quantile, "
-            f"{abs(100 * worst['slack']):.3g} % {side} the limit of {worst['limit']:g} "
-            f"{worst['unit']}"
+            f"{abs(100 * worst['slack']):.3g} % {side} the limit of {_value(worst, 'limit')}"
         )
     if reach is not None and step > reach:
         words.append(
@@ -100,7 +100,7 @@ def _hunting(entry: Mapping[str, Any]) -> list[str]:
         worst = max(found, key=lambda one: (one["reference_rad_s"], one["probability"]))
         at = (
             f"at a reference of {worst['reference_rad_s']:.3g} rad/s and "
-            f"{worst['temperature_degC']:g} degC in {100 * worst['probability']:.3g} % of the draws"
+            f"{worst['temperature_degC']:g} °C in {100 * worst['probability']:.3g} % of the draws"
         )
         if kind == "standstill":
             words.append(f"the shaft does not turn {at}")
@@ -113,5 +113,7 @@ def _hunting(entry: Mapping[str, Any]) -> list[str]:
     return words
 
 
-def _value(worst: Mapping[str, Any]) -> str:
-    return f"{worst['value']:.3g} {worst['unit']}"
+def _value(worst: Mapping[str, Any], key: str = "value") -> str:
+    """Value or limit with its unit; both have the unit of the limit, such as ms."""
+    factor, unit = unit_prefix(worst["unit"], [worst["limit"]])
+    return f"{factor * worst[key]:.3g} {unit}"

@@ -95,7 +95,7 @@ BROKEN_TABLES = (
         "no voltage",
         without("voltage_V"),
         errors.MissingColumn,
-        "no column for voltage_V; similar columns: voltage_V has none",
+        "no column for voltage_V; the file has",
         None,
         "voltage_V",
     ),
@@ -110,7 +110,7 @@ BROKEN_TABLES = (
         "a set point only",
         renamed(speed_rad_s="speed_set_rad_s"),
         errors.MissingColumn,
-        "speed_rad_s has none",
+        "no column for speed_rad_s; the file has",
     ),
     Refusal(
         "a numbered motor",

@@ -129,7 +129,12 @@ def test_column_may_be_named_by_any_of_its_header_rows(tmp_path: Path) -> None:
         (
             mapping(current_A={"column": "CH9"}),
             MappingError,
-            "there is no column 'CH9', to which the mapping assigns current_A; the file has 'CH0'",
+            "there is no column 'CH9' for current_A, as the mapping gives; the file has 'CH0'",
+        ),
+        (
+            mapping(current_A={"column": "CH9"}, speed_rad_s={"column": "n"}),
+            MappingError,
+            "no column 'CH9' for current_A, 'n' for speed_rad_s, as the mapping gives; the file",
         ),
         (mapping(current_A={"column": ""}), MappingError, "has no column"),
         (mapping(current_A={"column": 3}), MappingError, "has no column"),

@@ -311,7 +311,7 @@ def test_measured_robot_log_is_refused_with_the_missing_channel() -> None:
     """According to its README, the file has no voltage and three motors."""
     path = REAL / "robotino_dunkermotor" / "data_for_identification_with_integral.csv"
 
-    with pytest.raises(MissingColumn, match="voltage_V has none") as caught:
+    with pytest.raises(MissingColumn, match="no column for voltage_V") as caught:
         read_run(path)
 
     for title in ("1st motor current", "3rd motor velocity", '"column": "1st motor current"'):

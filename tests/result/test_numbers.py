@@ -109,6 +109,7 @@ def test_changes_carry_their_sign() -> None:
     assert signed_percent_text(0.0123) == "+1.2 %"
     assert signed_percent_text(-0.99654) == "−99.65 %"
     assert signed_percent_text(-1.0) == "−100 %"
+    assert signed_percent_text(-1e-5) == signed_percent_text(1e-5) == "0.00 %"
     assert signed_percent_text(None) == "–"
 
 

@@ -39,6 +39,16 @@ def test_difference_is_counted_in_combined_standard_deviations(
     assert not rows["Ra25"]["is_significant"]
 
 
+def test_change_of_a_value_that_may_be_zero_has_no_percentage() -> None:
+    """The interval of the friction contains zero in the second fit."""
+    second = deepcopy(FIRST)
+    second["parameters"]["b"]["q05"] = -1e-9
+    rows = {row["name"]: row for row in comparison_view([FIRST, second], [(), ()])["parameters"]}
+
+    assert rows["b"]["relative"] == "–"
+    assert rows["J"]["relative"] == "0.00 %"
+
+
 def test_inductance_has_the_prefix_of_the_other_tables() -> None:
     """Microhenries rather than powers of ten; the larger value selects the prefix of both."""
     rows = {r["name"]: r for r in comparison_view([FIRST, moved("L", 1.0)], [(), ()])["parameters"]}

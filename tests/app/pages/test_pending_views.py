@@ -1,0 +1,46 @@
+"""Pending runs as shown on the page."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from app.pages.pending_views import pending_view
+from app.tables import PendingRow
+
+
+def shown(correction: str) -> str:
+    """Correction of a contradiction as the page gives it."""
+    finding = {
+        "severity": "refuse", "column": "current_A", "message": "has the wrong sign",
+        "corrections": [correction], "code": "reversed_channel",
+    }  # fmt: skip
+    found: dict[str, Any] = {
+        "preview": {"findings": [finding], "errors": []},
+        "summary": None,
+        "suggested": {},
+        "columns": [],
+    }
+    row = SimpleNamespace(id="run_1", file="run.csv", found=found, mapping=None, motor="", bench="")
+    [view] = pending_view(cast(PendingRow, row))["findings"]
+    [words] = view["corrections"]
+    return str(words)
+
+
+@pytest.mark.parametrize(
+    ("correction", "words"),
+    [
+        ("run.csv:current_A=i * -1", "Current: column i, sign −"),
+        (
+            "run.csv:current_A=I [mA] * 2.5 in mA",
+            "Current: column I [mA], sign +, unit mA, factor 2.5",
+        ),
+        ("run.csv:current_A=speed in A", "Current: speed in A"),
+        ("run.csv:position_rad=", "Shaft angle: none"),
+    ],
+)
+def test_correction_is_given_in_the_fields_of_the_page(correction: str, words: str) -> None:
+    """Column, sign, unit and factor are the menus and fields beside the plots."""
+    assert shown(correction) == words
