@@ -5,6 +5,7 @@
     │   ├── RunFileError           a run file cannot be read as a run
     │   │   ├── UnreadableFile     the file does not exist or cannot be opened
     │   │   ├── FileTooLarge       more bytes, rows or columns than the limit
+    │   │   ├── OutOfMemory        the content needs more memory than there is
     │   │   ├── LineTooLong        one line is longer than the limit
     │   │   ├── HeaderTooLong      one header cell is longer than the limit
     │   │   ├── NotText            a binary file of no known format, NUL bytes, an unknown encoding
@@ -74,6 +75,7 @@ __all__ = [
     "NotFinite",
     "NotText",
     "OptionError",
+    "OutOfMemory",
     "RaggedRow",
     "RepeatedTime",
     "RunFileError",
@@ -171,6 +173,10 @@ class UnreadableFile(RunFileError, code="unreadable_file"):
 
 class FileTooLarge(RunFileError, code="file_too_large"):
     """The file has more bytes, rows or columns than the limits allow."""
+
+
+class OutOfMemory(RunFileError, code="reader_memory"):
+    """Decoding the content needs more memory than there is, as damaged sizes often do."""
 
 
 class LineTooLong(RunFileError, code="line_too_long"):

@@ -6,10 +6,11 @@ outside of the file is read: external links, external storage and virtual datase
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,12 @@ _MATLAB = b"MATLAB 7.3 MAT"
 # Files of other programs may begin with a block of their own.
 _POSITIONS = (0, 512, 1024, 2048)
 _LONGEST_TEXT = 1000
+_CHUNK_BYTES = 8 << 20
+# A collection of texts: signature, version 1, and its size.
+_HEAP = b"GCOL\x01\0\0\0"
+_HEAP_HEAD = struct.Struct("<8xQ")
+_HEAP_OBJECT = struct.Struct("<H6xQ")
+_LARGEST_HEAP = 1 << 20
 _MOST_NODES = 100_000
 _COLUMN_NAMES = ("columns", "column_names", "names", "labels")
 
@@ -51,10 +58,39 @@ class Hdf5Reader:
         """
         library = imported("h5py", _WHAT)
         with decoding(_WHAT):
-            opened = library.File(file.seekable(), "r")
+            stream = file.seekable()
+            _check_heaps(stream)
+            opened = library.File(stream, "r")
             root = _Tree(opened).root()
         is_matlab = file.head.startswith(_MATLAB)
         return tables_of(root, file, "variable" if is_matlab else "group")
+
+
+def _check_heaps(stream: BinaryIO) -> None:
+    """Reject a global heap with free space of size 0, at which HDF5 loops without end.
+
+    Texts of attributes are objects of global heaps (HDF5 File Format Specification, III.E).
+    """
+    found, position, tail = [], 0, b""
+    while chunk := stream.read(_CHUNK_BYTES):
+        window, start = tail + chunk, position - len(tail)
+        at = window.find(_HEAP)
+        while at >= 0:
+            found.append(start + at)
+            at = window.find(_HEAP, at + 1)
+        position += len(chunk)
+        tail = window[1 - len(_HEAP) :]
+    for place in found:
+        stream.seek(place)
+        heap = stream.read(_LARGEST_HEAP)
+        end = min(len(heap), *_HEAP_HEAD.unpack_from(heap)) if len(heap) >= _HEAP_HEAD.size else 0
+        at = _HEAP_HEAD.size
+        while at + _HEAP_OBJECT.size <= end:
+            index, size = _HEAP_OBJECT.unpack_from(heap, at)
+            if index == size == 0:
+                raise ValueError(f"the global heap at byte {place} is damaged")
+            at += _HEAP_OBJECT.size + -(-size // 8) * 8 if index else size
+    stream.seek(0)
 
 
 @dataclass

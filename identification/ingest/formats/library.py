@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import ModuleType
 
-from identification.errors import DamagedFile, MissingLibrary
+from identification.errors import DamagedFile, MissingLibrary, OutOfMemory
 from identification.ingest.display import plain
 
 __all__ = ["decoding", "imported"]
@@ -70,6 +70,7 @@ def decoding(what: str, faults: tuple[type[Exception], ...] = ()) -> Iterator[No
 
     Raises:
         DamagedFile: The library could not decode the file.
+        OutOfMemory: The file declares more content than fits into the memory.
     """
     disabled = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
@@ -77,6 +78,13 @@ def decoding(what: str, faults: tuple[type[Exception], ...] = ()) -> Iterator[No
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
+    except MemoryError as error:
+        _destroy(error)
+        raise OutOfMemory(
+            f"this looks like {what}, and decoding it needs more memory than there is, as the "
+            "sizes in a damaged file often do; copy or export the file again, with the channels of "
+            "the run alone"
+        ) from error
     except _FAULTS + faults as error:
         _destroy(error)
         reason = plain(" ".join(str(error).split()) or type(error).__name__, 120)

@@ -47,7 +47,7 @@ class ParquetReader:
             )
         library = imported("pyarrow.parquet", _WHAT)
         with decoding(_WHAT):
-            opened = library.ParquetFile(file.seekable())
+            opened = library.ParquetFile(file.seekable(), page_checksum_verification=True)
             schema = opened.schema_arrow
             refuse_large(file.limits, opened.metadata.num_rows, len(schema))
             columns = [_column(k, schema.field(k)) for k in range(len(schema))]

@@ -1,7 +1,7 @@
 """Lines of a device above its table: names, units and sample clock of the columns.
 
-    LabVIEW (LVM)   Y_Unit_Label, X0, Delta_X, X_Columns
-    Yokogawa        TraceName, VUnit, HUnit, HOffset, HResolution
+    LabVIEW (LVM)   Y_Unit_Label, X0, Delta_X, X_Columns, Samples
+    Yokogawa        TraceName, VUnit, HUnit, HOffset, HResolution, BlockSize
     Tektronix       Label, Vertical Units, Horizontal Units
     Rigol           Sequence, below the columns Start and Increment
 
@@ -29,6 +29,7 @@ _START = ("x0", "hoffset")
 _STEP = ("delta_x", "hresolution")
 _COLUMNS = "x_columns"
 _SEQUENCE = "sequence"
+_COUNT = ("samples", "blocksize")
 KEYS = frozenset((*_NAMES, *_UNITS, *_TIME_UNIT, *_START, *_STEP, _COLUMNS, _SEQUENCE))
 
 _LABVIEW_TIME = "x_value"
@@ -64,6 +65,13 @@ class Preamble:
         step = next((self._number(key) for key in _STEP if key in self.lines), math.nan)
         start = next((self._number(key) for key in _START if key in self.lines), 0.0)
         return (start, step) if step > 0.0 and math.isfinite(start) else None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that the device states, in LabVIEW that of a packet; 0 for none."""
+        key = _COUNT[0] if _COLUMNS in self.lines else _COUNT[1]
+        cells = self.lines.get(key, [])[1:]
+        return max((int(cell) for cell in cells if cell.isascii() and cell.isdigit()), default=0)
 
     @property
     def _time_unit(self) -> str:
@@ -124,7 +132,8 @@ def read_preamble(lines: Sequence[Line], delimiter: str) -> Preamble:
     above: list[str] = []
     for line in lines:
         cells = split_cells(line.text, delimiter)
-        if is_keyed(line, delimiter):
+        # A count is no reason to take a line for no header row: columns have such names too.
+        if is_keyed(line, delimiter) or _key(cells) in _COUNT:
             found[_key(cells)] = cells
             if _key(cells) == _SEQUENCE and above:
                 found |= _sequence(above, cells)

@@ -106,7 +106,8 @@ class TextTable:
             file=self._file,
             row=reader.cut_line,
         )
-        warnings = () if cut.row is None else (cut,)
+        warnings = [] if cut.row is None else [cut]
+        warnings += _missing_samples(reader.lines.total, self._layout.preamble.samples, self._file)
         found = reader.cells()
         clock = self._layout.preamble.clock
         for channel in channels:
@@ -114,7 +115,17 @@ class TextTable:
                 # The time that the preamble implies is no column of the table.
                 steps = np.arange(reader.lines.total, dtype=np.float64)
                 found[channel.name] = clock[0] + steps * clock[1]
-        return Samples(found, reader.lines.line, warnings)
+        return Samples(found, reader.lines.line, tuple(warnings))
+
+
+def _missing_samples(rows: int, stated: int, file: str) -> Iterator[RunWarning]:
+    """Warning if a table has fewer samples than the device states above it."""
+    if rows < stated:
+        text = (
+            f"{rows} samples, and the header states {stated}: the end is missing, probably by a "
+            "loss of power or an interrupted copy; the samples that are there are read"
+        )
+        yield RunWarning(code="incomplete_file", message=text, file=file)
 
 
 def _with_clock(column: Column, sample: Sequence[str]) -> Column:
