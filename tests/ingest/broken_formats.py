@@ -10,6 +10,7 @@ import numpy as np
 from identification import errors
 from tests.ingest.broken_matlab import BROKEN_HDF5, BROKEN_MATLAB
 from tests.ingest.devices import BROKEN_LVM
+from tests.ingest.matlab_logs import BROKEN_OBJECTS
 from tests.ingest.writers import (
     CANONICAL_SHEET,
     CHANNELS,
@@ -361,6 +362,7 @@ BROKEN_DEVICES = (
 BROKEN = (
     *BROKEN_DEVICES,
     *BROKEN_MATLAB,
+    *BROKEN_OBJECTS,
     *BROKEN_HDF5,
     *BROKEN_WORKBOOKS,
     *BROKEN_COLUMNAR,

@@ -91,7 +91,9 @@ BROKEN_MATLAB = (
         opaque,
         errors.NoTable,
         "tt (timetable) cannot be read outside MATLAB",
-        "'time_s', seconds(tt.Time)",
+        "log = table2struct(timetable2table(tt, 'ConvertRowTimes', false), 'ToScalar', true)",
+        "log.time_s = seconds(tt.Properties.RowTimes - tt.Properties.RowTimes(1))",
+        "save('run.mat', 'log')",
     ),
     broken(
         "run.mat",
@@ -99,7 +101,7 @@ BROKEN_MATLAB = (
         lambda p: mat73(p, opaque73),
         errors.NoTable,
         "logsout (Simulink.SimulationData.Dataset) cannot be read",
-        "save a struct of vectors",
+        "log.(matlab.lang.makeValidName(e.Name)) = struct('Time', e.Values.Time",
     ),
     broken(
         "run.mat",

@@ -7,6 +7,7 @@ import gzip
 import numpy as np
 
 from tests.ingest.devices import CLOCKS, DEVICES
+from tests.ingest.matlab_logs import OBJECTS
 from tests.ingest.samples import write
 from tests.ingest.writers import (
     CANONICAL_SHEET,
@@ -221,4 +222,7 @@ HDF5 = (
     Specimen("matrix.h5", "a matrix with names", lambda p: hdf5(p, matrix)),
 )
 
-SPECIMENS = (*DEVICES, *CLOCKS, *MATLAB, *HDF5, *WORKBOOKS, *COLUMNAR, *COMPRESSED, *MEASUREMENTS)
+SPECIMENS = (
+    *(*DEVICES, *CLOCKS, *MATLAB, *OBJECTS, *HDF5),
+    *(*WORKBOOKS, *COLUMNAR, *COMPRESSED, *MEASUREMENTS),
+)

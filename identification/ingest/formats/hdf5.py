@@ -19,6 +19,7 @@ from identification.errors import FileTooLarge, UnsupportedContent
 from identification.ingest.display import plain, quoted
 from identification.ingest.file import RunFile
 from identification.ingest.formats.library import decoding, imported
+from identification.ingest.formats.matlab_objects import decoded, has_objects
 from identification.ingest.formats.tree import Leaf, Node, Opaque, tables_of
 from identification.ingest.reader import TableSet
 
@@ -61,9 +62,13 @@ class Hdf5Reader:
             stream = file.seekable()
             _check_heaps(stream)
             opened = library.File(stream, "r")
-            root = _Tree(opened).root()
-        is_matlab = file.head.startswith(_MATLAB)
-        return tables_of(root, file, "variable" if is_matlab else "group")
+            root, notes = _Tree(opened).root(), ""
+            objects = [name for name, node in root.items() if has_objects(node)]
+            if objects:
+                _Tree(opened, file.limits.bytes).root()
+                root, notes = decoded(root, stream, objects)
+        is_matlab = file.head.startswith(_MATLAB) or objects
+        return tables_of(root, file, "variable" if is_matlab else "group", notes)
 
 
 def _check_heaps(stream: BinaryIO) -> None:
@@ -95,9 +100,15 @@ def _check_heaps(stream: BinaryIO) -> None:
 
 @dataclass
 class _Tree:
-    """Conversion of groups and datasets to the nodes of a tree."""
+    """Conversion of groups and datasets to the nodes of a tree.
+
+    With a limit of bytes, it also goes through the objects of MATLAB and what they refer to: mat-io
+    reads all of it, wherever it is stored.
+    """
 
     opened: h5py.File
+    most_bytes: int | None = None
+    bytes: int = 0
     nodes: int = 0
     open_groups: set[int] = field(default_factory=set)
 
@@ -115,7 +126,8 @@ class _Tree:
                     f"{group.name}/{name}", f"a link to the file {quoted(link.filename)}"
                 )
             # The target of a soft link has a place of its own; MATLAB hides its objects behind #.
-            if isinstance(link, h5py.HardLink) and not name.startswith("#"):
+            is_hidden = name.startswith("#") and self.most_bytes is None
+            if isinstance(link, h5py.HardLink) and not is_hidden:
                 yield name, self._node(group[name])
 
     def _node(self, item: h5py.Group | h5py.Dataset) -> Node:
@@ -127,7 +139,7 @@ class _Tree:
                 f"more than {_MOST_NODES} groups and datasets; save only the channels of the run",
                 value=self.nodes,
             )
-        if "MATLAB_object_decode" in item.attrs:
+        if "MATLAB_object_decode" in item.attrs and self.most_bytes is None:
             return Opaque(plain(_text(item.attrs.get("MATLAB_class", ""))))
         if isinstance(item, h5py.Group):
             return self._group(item)
@@ -158,6 +170,13 @@ class _Tree:
             raise _outside(dataset.name, "data in another file")
         if dataset.is_virtual:
             raise _outside(dataset.name, "a virtual dataset of other files")
+        self.bytes += dataset.size * dataset.dtype.itemsize
+        if self.most_bytes is not None and self.bytes > self.most_bytes:
+            raise FileTooLarge(
+                f"the objects have more bytes than the limit of {self.most_bytes}; save only the "
+                "channels of the run",
+                value=self.bytes,
+            )
         if h5py.check_ref_dtype(dataset.dtype) is not None:
             if dataset.size > _MOST_NODES:
                 return ""

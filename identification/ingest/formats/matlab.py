@@ -1,9 +1,13 @@
-"""Reader of MATLAB files of version 5 (up to -v7), with scipy; version 7.3 is HDF5."""
+"""Reader of MATLAB files of version 5 (up to -v7), with scipy; version 7.3 is HDF5.
+
+A file with objects, such as timetables, is read again with mat-io.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+import struct
+import zlib
+from collections.abc import Mapping
 from functools import partial
 from typing import BinaryIO, Final
 
@@ -13,13 +17,19 @@ from identification.errors import FileTooLarge
 from identification.ingest.display import plain
 from identification.ingest.file import RunFile
 from identification.ingest.formats.library import decoding, imported
+from identification.ingest.formats.matlab_objects import decoded, has_objects
 from identification.ingest.formats.tree import Leaf, Node, Opaque, tables_of
 from identification.ingest.reader import TableSet
 
 __all__ = ["MatlabReader"]
 
 _WHAT: Final = "a MATLAB file"
-_NUMBER_BYTES = 8
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HEADER_BYTES = 128
+_COMPRESSED = 15
+# Deflate compresses to no less than 1 / 1032.
+_LARGEST_RATIO = 1032
+_ORDERS = {b"IM": "<II", b"MI": ">II"}
 
 
 class MatlabReader:
@@ -27,7 +37,7 @@ class MatlabReader:
 
     def recognises(self, name: str, head: bytes) -> bool:
         """Return True for the text at the beginning of a MATLAB file of version 5."""
-        return head.startswith(b"MATLAB 5.0 MAT")
+        return head.startswith(b"MATLAB 5.0 MAT") and not head[512:].startswith(_HDF5)
 
     def open(self, file: RunFile) -> TableSet:
         """Read all variables, after a look at their declared sizes.
@@ -38,7 +48,7 @@ class MatlabReader:
         library = imported("scipy.io", _WHAT)
         stream = file.seekable()
         with decoding(_WHAT, (library.matlab.MatReadError,)):
-            size = _declared_bytes(library.whosmat, stream)
+            size = _declared_bytes(stream)
             if size > file.limits.bytes:
                 raise FileTooLarge(
                     f"the variables have {size} bytes, more than the limit of {file.limits.bytes}; "
@@ -47,23 +57,42 @@ class MatlabReader:
                 )
             stream.seek(0)
             content = library.loadmat(stream, simplify_cells=True)
-        root = {
+        root: dict[str, Node] = {
             _name(name, value): _node(value)
             for name, value in content.items()
             if not name.startswith("__")
         }
-        return tables_of(root, file, "variable")
+        tree, notes = decoded(root, stream) if has_objects(root) else (root, "")
+        return tables_of(tree, file, "variable", notes)
 
 
-def _declared_bytes(
-    whosmat: Callable[[BinaryIO], list[tuple[str, tuple[int, ...], str]]], stream: BinaryIO
-) -> int:
-    """Size of all variables as declared; 0 beside an opaque object, at which scipy fails."""
-    try:
-        shapes = [shape for _, shape, _ in whosmat(stream)]
-    except TypeError:
-        return 0
-    return sum(math.prod(map(int, shape)) for shape in shapes) * _NUMBER_BYTES
+def _declared_bytes(stream: BinaryIO) -> int:
+    """Size of all variables without compression, as declared in their tags.
+
+    MATLAB MAT-File Format, 1-4: a tag is the kind of data and its size; a compressed element
+    contains the tag of its content.
+
+    Raises:
+        ValueError: A variable ends behind the file, or is larger than its compression allows.
+    """
+    end = stream.seek(0, 2)
+    stream.seek(0)
+    order = _ORDERS.get(stream.read(_HEADER_BYTES)[-2:], "<II")
+    total = 0
+    while len(tag := stream.read(8)) == 8:
+        kind, size = struct.unpack(order, tag)
+        following = stream.tell() + size
+        if following > end:
+            raise ValueError(f"a variable ends at byte {following} of {end}")
+        if kind == _COMPRESSED:
+            content = zlib.decompressobj().decompress(stream.read(min(size, 1024)), 8)
+            packed, size = size, struct.unpack(order, content)[1] if len(content) == 8 else 0
+            if size > _LARGEST_RATIO * packed:
+                raise ValueError(f"a variable of {size} bytes is compressed to {packed}")
+        total += size
+        stream.seek(following)
+    stream.seek(0)
+    return total
 
 
 def _name(name: str, value: object) -> str:

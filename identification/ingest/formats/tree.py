@@ -27,6 +27,23 @@ __all__ = ["Leaf", "Node", "Opaque", "tables_of"]
 
 _TOP: Final = "workspace"
 _MOST_NODES = 100_000
+_SAVE = "save('run.mat', 'log')"
+_EACH = (
+    "for k = 1:{0}.numElements, e = {0}{{k}}; log.(matlab.lang.makeValidName(e.Name)) = "
+    "struct('Time', e.Values.Time, 'Data', e.Values.Data); end, "
+)
+_COMMAND = f"log = struct('time_s', t, 'speed_rad_s', w) with the vectors of VAR; {_SAVE}"
+# Commands of MATLAB that save the data of an object VAR as structs, by its class.
+_COMMANDS = {
+    "table": f"log = table2struct(VAR, 'ToScalar', true); {_SAVE}",
+    "timetable": (
+        "log = table2struct(timetable2table(VAR, 'ConvertRowTimes', false), 'ToScalar', true); "
+        "log.time_s = seconds(VAR.Properties.RowTimes - VAR.Properties.RowTimes(1)); " + _SAVE
+    ),
+    "timeseries": f"log.NAME = struct('Time', VAR.Time, 'Data', VAR.Data); {_SAVE}",
+    "Simulink.SimulationData.Dataset": _EACH.format("VAR") + _SAVE,
+    "Simulink.SimulationOutput": _EACH.format("VAR.logsout") + _SAVE,
+}
 _DEEPEST = 20
 
 
@@ -183,11 +200,20 @@ class _Walk:
         if not self.opaque:
             return ""
         listed = ", ".join(f"{path} ({kind})" for path, kind in list(self.opaque.items())[:6])
-        return (
-            f"; {listed} cannot be read outside MATLAB: save a struct of vectors instead, such as "
-            "log = struct('time_s', seconds(tt.Time), 'speed_rad_s', tt.speed) for a timetable tt, "
-            "or log.speed_rad_s = struct('Time', ts.Time, 'Data', ts.Data) for a timeseries ts"
+        commands = dict.fromkeys(
+            _COMMANDS.get(kind, _COMMAND).replace("VAR", _variable(path))
+            for path, kind in self.opaque.items()
         )
+        return (
+            f"; {listed} cannot be read outside MATLAB; save a struct of vectors there: "
+            + " or ".join(list(commands)[:2])
+        )
+
+
+def _variable(path: str) -> str:
+    """Path of an object as MATLAB writes it, if it is one of names."""
+    names = path.split(".")
+    return path if all(name.isidentifier() for name in names) else "x"
 
 
 def _vectors(node: Mapping[str, Node]) -> Iterator[tuple[str, Leaf]]:
