@@ -51,7 +51,7 @@ def warning_groups(result: Entry) -> list[Warnings]:
         message = text.replace(f"; {fix}", "", 1) if fix else text
         service, code = str(detail.get("fix_http", "")), str(detail.get("code", ""))
         found[severity if severity in found else "warning"].append(
-            WarningItem(_capital(message), _capital(fix), service, code)
+            WarningItem(_written(message), _written(fix), service, code)
         )
     return [
         Warnings(severity, _TITLES[severity], tuple(items))
@@ -60,7 +60,8 @@ def warning_groups(result: Entry) -> list[Warnings]:
     ]
 
 
-def _capital(text: str) -> str:
-    """Text with a capital, unless it begins with a name, an option or a file."""
+def _written(text: str) -> str:
+    """Text with °C, and with a capital unless it begins with a name, an option or a file."""
+    text = text.replace(" degC", " °C")
     first = text.partition(" ")[0]
     return text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text

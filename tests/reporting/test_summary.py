@@ -298,6 +298,16 @@ def test_errors_before_and_after_share_one_scale() -> None:
         assert after == noise == pytest.approx(100 / 4.2, abs=0.1)
 
 
+def test_warnings_give_temperatures_as_the_tables_do(result: dict[str, Any]) -> None:
+    """The command line writes degC, the pages °C, as on the axes of the plots."""
+    result["warnings"] = ["the temperature was not logged in run.csv (45.9 degC)"]
+    result["warning_details"] = [{"code": "estimated_temperature", "severity": "note", "fix": ""}]
+
+    (group,) = warning_groups(result)
+
+    assert group.items[0].message == "The temperature was not logged in run.csv (45.9 °C)"
+
+
 def test_warnings_are_grouped_with_the_most_important_first(result: dict[str, Any]) -> None:
     """The remedy is separate from the message; a warning without details is no note."""
     result["warnings"] = ["run1.csv: a gap", "the runs do not determine J; log longer runs", "odd"]
