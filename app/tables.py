@@ -171,6 +171,7 @@ class FitRow(Tables):
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     workspace: Mapped[str] = mapped_column(String(100))
     motor: Mapped[str | None] = mapped_column(String(200))
+    motor_type: Mapped[str | None] = mapped_column(String(200))
     options: Mapped[dict[str, Any]]
     status: Mapped[str] = mapped_column(String(10))
     stage: Mapped[str] = mapped_column(String(100))

@@ -170,7 +170,8 @@ class Client:
         """Submit one fit for each of many motors.
 
         Args:
-            motors: Entries with `motor`, `training`, and optionally `validation` and `options`.
+            motors: Entries with `motor`, `training`, and optionally `type`, `validation` and
+                `options`.
             options: Options of each motor without its own.
             name: Name in lists.
             idempotency_key: As for `fit`.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
@@ -23,6 +24,8 @@ class BatchItem(Documented):
 
     motor: Motor | None = None
     """Name of the motor."""
+    type: Motor | None = None
+    """Type of the motor; the results of motors of one type are pooled."""
     training: list[RunId] = Field(min_length=1, max_length=200)
     """Training runs in the order of recording."""
     validation: list[RunId] = Field(default=[], max_length=200)
@@ -39,8 +42,16 @@ class BatchCreate(Received):
             "name": "November refit",
             "options": {"posterior": False},
             "motors": [
-                {"motor": "motor 17", "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"]},
-                {"motor": "motor 18", "training": ["run_7rjv5dwq2kx6zbh3mtyo4ncpfa"]},
+                {
+                    "motor": "motor 17",
+                    "type": "RE40",
+                    "training": ["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"],
+                },
+                {
+                    "motor": "motor 18",
+                    "type": "RE40",
+                    "training": ["run_7rjv5dwq2kx6zbh3mtyo4ncpfa"],
+                },
             ],
         }
     )
@@ -54,12 +65,15 @@ class BatchCreate(Received):
     def requests(self) -> list[FitRequest]:
         """One fit request per motor."""
         return [
-            FitCreate(
-                training=item.training,
-                validation=item.validation,
-                options=item.options or self.options,
-                motor=item.motor,
-            ).request()
+            replace(
+                FitCreate(
+                    training=item.training,
+                    validation=item.validation,
+                    options=item.options or self.options,
+                    motor=item.motor,
+                ).request(),
+                motor_type=item.type,
+            )
             for item in self.motors
         ]
 
@@ -70,6 +84,8 @@ class BatchFit(Documented):
     fit: str
     """ID of the fit; GET /api/v1/fits/{id} returns its result."""
     motor: str | None
+    type: str | None = None
+    """Type of the motor, as requested."""
     status: Status
     progress: Progress
     error: FitError | None = None
@@ -126,6 +142,7 @@ class BatchOut(BatchSummary):
                 {
                     "fit": "fit_k5x2qv7wr3m4hd6ytnobczs5fi",
                     "motor": "motor 17",
+                    "type": "RE40",
                     "status": "running",
                     "progress": {"stage": "fit", "fraction": 0.1},
                     "error": None,
@@ -143,6 +160,7 @@ class BatchOut(BatchSummary):
             {
                 "fit": fit.id,
                 "motor": fit.motor,
+                "type": fit.motor_type,
                 "status": fit.status,
                 "progress": {"stage": fit.stage, "fraction": fit.fraction},
                 "error": fit.error,

@@ -37,13 +37,15 @@ class FitRequest:
     """Fields of `identification.options.FitOptions`, and `bench` if it is known."""
     motor: str | None = None
     """Name of the motor, or None."""
+    motor_type: str | None = None
+    """Type of the motor, by which a batch pools its results, or None."""
 
 
 def new_row(caller: Caller, request: FitRequest) -> FitRow:
     """Build the row of a queued fit without storing it.
 
     Raises:
-        FieldRefused: A run is named twice, or the name of the motor is invalid.
+        FieldRefused: A run is named twice, or the name or the type of the motor is invalid.
         OptionError: An option is invalid.
     """
     ids = [*request.training, *request.validation]
@@ -59,6 +61,7 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
         id=new_id("fit"),
         workspace=caller.workspace,
         motor=checked_label("motor", request.motor),
+        motor_type=checked_label("type", request.motor_type),
         options=dict(request.options),
         status="queued",
         stage="queued",
@@ -143,5 +146,10 @@ def checked_key(key: str | None) -> str | None:
 
 def request_hash(*requests: FitRequest) -> str:
     """Hash that identifies equal requests, whatever the order of their fields."""
-    content = [[list(r.training), list(r.validation), dict(r.options), r.motor] for r in requests]
+    content: list[list[Any]] = [
+        [list(r.training), list(r.validation), dict(r.options), r.motor] for r in requests
+    ]
+    for each, request in zip(content, requests, strict=True):
+        # Only if given, so that requests of earlier versions keep their hash.
+        each += [request.motor_type] if request.motor_type else []
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

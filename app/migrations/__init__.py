@@ -4,5 +4,5 @@ from __future__ import annotations
 
 __all__ = ["NEWEST"]
 
-NEWEST = "0007"
+NEWEST = "0008"
 """Schema version that the code requires; a test compares it with the files in versions/."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -48,6 +49,23 @@ def motors(run_ids: Sequence[str], number: int) -> list[FitRequest]:
     dealt = [run_ids[first * most : (first + 1) * most] for first in range(number)]
     options = {"controllers": ["P:1"]}
     return [FitRequest(ids[:-1], ids[-1:], options, f"m{n}") for n, ids in enumerate(dealt)]
+
+
+def test_motors_of_one_type_are_grouped_in_the_table(
+    database: Database, batches: BatchService
+) -> None:
+    """The type of the request stands in the batch and in each row of its table."""
+    requests = motors(keep_runs(database, "alice", 9), 3)
+    typed = [
+        replace(request, motor_type=kind)
+        for request, kind in zip(requests, ("RE40", " RE40 ", None), strict=True)
+    ]
+
+    made = batches.create(ALICE, typed, None, None)
+
+    _, rows = batches.rows(ALICE, made.row.id)
+    assert [fit.motor_type for fit in made.fits] == ["RE40", "RE40", None]
+    assert [row["type"] for row in rows] == ["RE40", "RE40", None]
 
 
 @pytest.mark.parametrize("number", [2, 200])
