@@ -23,10 +23,11 @@ import pandas as pd
 
 from identification.arrays import Array
 from identification.errors import IdentificationError, InputError, UnreadableFile
+from identification.ingest.formats.hdf5 import check_heaps
 from identification.reporting.summary import summary_sentences
-from identification.result.draws import chain_draws, normal_draws
+from identification.result.draws import chain_draws, check_same_fit, normal_draws
 from identification.result.numbers import interval_text, unit_text
-from identification.result.tables import TableName, result_table
+from identification.result.tables import TableName, as_written, result_table
 
 __all__ = ["Identified", "MissingPackage", "StoredResult", "inference_data", "read_result"]
 
@@ -72,8 +73,9 @@ class Identified(ABC):
 
     def _repr_html_(self) -> str:
         """Summary, parameters and warnings, for notebooks."""
-        sentences = " ".join(map(escape, summary_sentences(self.result)))
-        warnings = "".join(f"<li>{escape(text)}</li>" for text in self.result["warnings"])
+        with as_written("members"):
+            sentences = " ".join(map(escape, summary_sentences(self.result)))
+            warnings = "".join(f"<li>{escape(text)}</li>" for text in self.result["warnings"])
         return f"<p>{sentences}</p>{_parameters_html(self.table())}<ul>{warnings}</ul>"
 
 
@@ -126,9 +128,11 @@ class StoredResult(Identified):
             if not posterior.is_file():
                 raise OSError("not a regular file")
             with posterior.open("rb") as content:
-                return chain_draws(content, most, str(posterior))
+                draws = chain_draws(content, most, str(posterior))
         except OSError as error:
             raise _no_posterior(posterior, error) from error
+        check_same_fit(self.result, draws, str(posterior))
+        return draws
 
 
 def read_result(path: str | os.PathLike[str]) -> StoredResult:
@@ -196,11 +200,13 @@ def inference_data(source: Identified | str | os.PathLike[str]) -> Any:
         ) from error
     with _posterior(source) as path:
         try:
+            with path.open("rb") as content:
+                check_heaps(content)
             groups = {
                 group: xarray.load_dataset(path, group=group, engine="h5netcdf")
                 for group in ("posterior", "sample_stats")
             }
-        except (OSError, KeyError, ValueError) as error:
+        except (LookupError, OSError, RuntimeError, TypeError, ValueError) as error:
             raise _no_posterior(path, error) from error
     if hasattr(arviz, "InferenceData"):
         return arviz.InferenceData(**groups)

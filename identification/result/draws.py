@@ -12,15 +12,24 @@ from collections.abc import Mapping
 from typing import Any, BinaryIO, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.errors import InputError
+from identification.errors import DamagedFile, InputError, OutOfMemory
+from identification.ingest.display import plain
+from identification.ingest.formats.hdf5 import check_heaps
+from identification.ingest.formats.library import decoding
 from identification.quantities import DECLARED_PARAMETERS
 
-__all__ = ["chain_draws", "normal_draws"]
+__all__ = ["chain_draws", "check_same_fit", "normal_draws"]
 
 _SEED: Final = 0
 _LOGARITHMIC: Final = ("Ra25", "Kt25", "J")
+_FARTHEST_MEDIAN: Final = 5.0
+"""Largest deviation between the medians of a posterior and of its result [sd]."""
+_ROUNDING: Final = 1e-6
+_MOST_DRAWS: Final = 100_000_000
+"""Largest number of draws that a chain may have; a file may declare any."""
 _WIDEST: Final = 100.0
 """Largest absolute log ratio of a drawn parameter to its median."""
 
@@ -39,24 +48,88 @@ def chain_draws(posterior: BinaryIO, most: int, name: str | None = None) -> dict
     Raises:
         InputError: The file is not a posterior.
     """
-    import h5netcdf
-
     try:
-        with h5netcdf.File(posterior, "r") as file:
-            group = file.groups["posterior"]
-            names = dict.fromkeys([*DECLARED_PARAMETERS, *group.variables])
-            draws = {
-                variable: np.asarray(group[variable][...]).T.ravel()
-                for variable in names
-                if variable not in group.dimensions
-            }
-    except (OSError, KeyError, ValueError) as error:
+        with decoding("a posterior of 'motorid fit'"):
+            check_heaps(posterior)
+            draws = _read(posterior)
+    except (DamagedFile, OutOfMemory) as error:
+        reason = plain(" ".join(str(error.__cause__).split()), 200)
         raise InputError(
-            f"is not a posterior of 'motorid fit' ({error}); repeat the fit or remove the file",
+            f"is not a posterior of 'motorid fit' ({reason}); repeat the fit or remove the file",
             file=name,
         ) from error
     kept = np.unique(np.linspace(0, draws["J"].size - 1, most).astype(int))
-    return {name: values[kept].astype(np.float64) for name, values in draws.items()}
+    return {name: values[kept] for name, values in draws.items()}
+
+
+def _read(posterior: BinaryIO) -> dict[str, Array]:
+    """All draws of a file, the nominal parameters first."""
+    import h5netcdf
+
+    with h5netcdf.File(posterior, "r") as file:
+        group = file.groups["posterior"]
+        names = dict.fromkeys([*DECLARED_PARAMETERS, *group.variables])
+        variables = [name for name in names if name not in group.dimensions]
+        _check_shapes({name: group[name].shape for name in variables})
+        return {name: _column(name, np.asarray(group[name][...])) for name in variables}
+
+
+def _check_shapes(shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Reject different numbers of draws, and more of them than a chain has.
+
+    Raises:
+        ValueError: The shapes are not those of one chain.
+    """
+    if len(set(shapes.values())) != 1 or not 0 < math.prod(shapes["J"]) <= _MOST_DRAWS:
+        listed = ", ".join(f"{shape} of {name}" for name, shape in list(shapes.items())[:8])
+        raise ValueError(f"the shapes {listed}; expected one number of draws of each variable")
+
+
+def _column(name: str, values: NDArray[Any]) -> Array:
+    """Draws of one variable, walker by walker.
+
+    Raises:
+        ValueError: They are no numbers, not finite, or not above zero as Ra25, Kt25 and J are.
+    """
+    draws = values.astype(np.float64).T.ravel()
+    if not np.all(np.isfinite(draws)):
+        raise ValueError(f"draws of {name} that are not finite")
+    if name in _LOGARITHMIC and not np.all(draws > 0.0):
+        raise ValueError(f"draws of {name} that are not above zero")
+    return draws
+
+
+def check_same_fit(result: Mapping[str, Any], draws: Mapping[str, Array], name: str) -> None:
+    """Reject draws that do not belong to the parameters of a result.
+
+    The medians of both differ by the noise of the sampler, about a tenth of a standard deviation.
+    If several models share the posterior, the median of one with the probability p deviates by
+    at most 1 / sqrt(p (1 - p)) standard deviations of all of them together, 3.3 for p = 0.1.
+
+    Args:
+        result: Content of result.json.
+        draws: (n_draw,) for each parameter.
+        name: Name of the file of the draws.
+
+    Raises:
+        InputError: The median of a parameter deviates by more than `_FARTHEST_MEDIAN`.
+    """
+    parameters = result.get("parameters")
+    for parameter in DECLARED_PARAMETERS:
+        entry = parameters.get(parameter) if isinstance(parameters, Mapping) else None
+        found = entry if isinstance(entry, Mapping) else {}
+        centre, spread = _finite(found.get("median")), _finite(found.get("sd"))
+        if centre is None or spread is None or parameter not in draws:
+            continue
+        median = float(np.median(draws[parameter]))
+        if abs(median - centre) > _FARTHEST_MEDIAN * abs(spread) + _ROUNDING * abs(centre):
+            raise InputError(
+                f"belongs to another fit than result.json: the median of {parameter} is "
+                f"{median:.6g} here and {centre:.6g} there; copy both files of one fit, or remove "
+                "this one",
+                file=name,
+                value=median,
+            )
 
 
 def normal_draws(

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Literal
 
 import pandas as pd
 
-from identification.errors import OptionError
+from identification.errors import InputError, OptionError
+from identification.ingest.display import plain
 from identification.speed_loop.table import SPREAD, feedback_table
 
-__all__ = ["TableName", "result_table"]
+__all__ = ["TableName", "as_written", "result_table"]
 
 Entry = Mapping[str, Any]
 
@@ -24,12 +26,31 @@ def result_table(result: Entry, name: TableName) -> pd.DataFrame:
 
     Raises:
         OptionError: There is no table of this name.
+        InputError: The result was edited, and the table is not found in it.
     """
     if name not in _TABLES:
         raise OptionError(
             f"there is no table {name!r}; expected one of {', '.join(_TABLES)}", value=name
         )
-    return _TABLES[name](result)
+    with as_written(name):
+        return _TABLES[name](result)
+
+
+@contextmanager
+def as_written(member: str) -> Iterator[None]:
+    """Turn the faults of members that were edited or cut into an error.
+
+    Raises:
+        InputError: The members do not have the form in which motorid writes them.
+    """
+    try:
+        yield
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        reason = plain(" ".join(f"{type(error).__name__}: {error}".split()), 120)
+        raise InputError(
+            f"the {member} of the result are not as 'motorid fit' writes them ({reason}); use the "
+            "unchanged result.json, or repeat the fit"
+        ) from error
 
 
 def _parameters(entries: Mapping[str, Entry]) -> pd.DataFrame:

@@ -16,6 +16,7 @@ from identification.ingest import Run
 from identification.prediction import predict
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.draws import normal_draws
+from identification.result.tables import TableName, result_table
 from tests.motors import NAMES, motor_named
 
 SERVO = motor_named("servo 100 W")
@@ -102,6 +103,36 @@ def test_edited_result_gives_draws_or_is_refused(place: tuple[Any, ...], value: 
     assert refused.isprintable()
     assert all(values.shape == (5,) for values in drawn.values())
     assert bool(drawn) != bool(refused)
+
+
+TABLES = {
+    **RESULT,
+    "errors": {"before": {"training": {"current": {"rmse": 1.0}, "speed": None}}},
+    "feedback": [{"temperature_degC": 25.0, "controller": "P:1", "peak": {"median": 1.0}}],
+    "warnings": ["a"],
+    "warning_details": [{"code": "b"}],
+    "effects": [{"name": "c", "equation": "d", "drivers": [], "probability": 1, "parameters": {}}],
+}
+
+
+@given(
+    name=st.sampled_from(["parameters", "declared", "effects", "errors", "feedback", "warnings"]),
+    member=st.sampled_from(list(TABLES)),
+    value=JSON,
+)
+@settings(max_examples=150, deadline=None)
+def test_edited_result_gives_a_table_or_is_refused(
+    name: TableName, member: str, value: object
+) -> None:
+    """One member is replaced; each table needs one or two of them."""
+    table, refused = None, ""
+    try:
+        table = result_table({**TABLES, member: value}, name)
+    except InputError as error:
+        refused = str(error)
+
+    assert refused.isprintable()
+    assert (table is None) == bool(refused)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from identification.ingest.reader import TableSet
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["Hdf5Reader"]
+__all__ = ["Hdf5Reader", "check_heaps"]
 
 _WHAT: Final = "an HDF5 or MATLAB 7.3 file"
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -60,7 +60,7 @@ class Hdf5Reader:
         library = imported("h5py", _WHAT)
         with decoding(_WHAT):
             stream = file.seekable()
-            _check_heaps(stream)
+            check_heaps(stream)
             opened = library.File(stream, "r")
             root, notes = _Tree(opened).root(), ""
             objects = [name for name, node in root.items() if has_objects(node)]
@@ -71,10 +71,13 @@ class Hdf5Reader:
         return tables_of(root, file, "variable" if is_matlab else "group", notes)
 
 
-def _check_heaps(stream: BinaryIO) -> None:
+def check_heaps(stream: BinaryIO) -> None:
     """Reject a global heap with free space of size 0, at which HDF5 loops without end.
 
     Texts of attributes are objects of global heaps (HDF5 File Format Specification, III.E).
+
+    Raises:
+        ValueError: A heap is damaged.
     """
     found, position, tail = [], 0, b""
     while chunk := stream.read(_CHUNK_BYTES):
