@@ -18,7 +18,7 @@ from identification.ingest.formats.library import decoding
 from tests.ingest.devices import YOKOGAWA, lvm, text
 from tests.ingest.samples import channels
 from tests.ingest.specimens import SPECIMENS
-from tests.ingest.writers import CHANNELS, RECORD, Specimen, datasets, hdf5, rows
+from tests.ingest.writers import CHANNELS, RECORD, TIME, Specimen, datasets, hdf5, rows, tdms
 
 BINARY = [
     specimen
@@ -161,6 +161,18 @@ def test_damaged_binary_file_gives_a_run_or_a_named_error(case: tuple[Specimen, 
     else:
         assert np.all(np.diff(outcome.time) > 0.0)
         assert all(np.all(np.isfinite(values)) for values in channels(outcome).values())
+
+
+def test_clock_that_is_not_finite_is_refused_with_its_sample(tmp_path: Path) -> None:
+    """The channels share one clock, so none of them lies outside of the time of another."""
+    pytest.importorskip("nptdms")
+    path = tmp_path / "run.tdms"
+    time = np.where(np.arange(40) == 6, np.nan, TIME[2])
+    groups = {name: [("time", "s", time), (name, unit, v)] for name, unit, v in CHANNELS[1:]}
+    tdms(path, groups, {})
+
+    with pytest.raises(errors.MissingValue, match="row 7, column time: the cell is blank"):
+        read_run(path)
 
 
 def test_compressed_file_that_is_cut_or_flipped_is_refused(tmp_path: Path) -> None:

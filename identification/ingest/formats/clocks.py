@@ -100,7 +100,7 @@ class SignalTable:
         _check_lengths(used, cells, clocks)
         base = _base(clocks)
         time = clocks[base]
-        others = {n: t for n, t in clocks.items() if not np.array_equal(t, time)}
+        others = {n: t for n, t in clocks.items() if not np.array_equal(t, time, equal_nan=True)}
         kept = np.ones(time.size, dtype=bool)
         for name, clock in others.items():
             _check_increase(used[name], clock)
