@@ -67,12 +67,31 @@ def screened(
 
 
 def _coarse(fit: Fit, substeps: int) -> Fit:
-    """The fit with few substeps per sample interval, accurate enough for differences of models."""
+    """The fit with few substeps per sample interval, accurate enough for differences of models.
+
+    A stiff model can diverge with few substeps, and then has no finite score.  Their number is
+    doubled until the integration error of each channel is smaller than the residual.
+    """
     counts = fit.simulator.substeps
-    if counts is None:
-        return fit
-    few = tuple(np.minimum(each, substeps) for each in counts)
-    return replace(fit, simulator=replace(fit.simulator, substeps=few))
+    while counts is not None and substeps < max(int(each.max()) for each in counts):
+        few = tuple(np.minimum(each, substeps) for each in counts)
+        coarse = replace(fit, simulator=replace(fit.simulator, substeps=few))
+        if _is_within_residual(coarse):
+            return coarse
+        substeps *= 2
+    return fit
+
+
+def _is_within_residual(coarse: Fit) -> bool:
+    """Whether the integration error of a simulation is smaller than the residual of its fit."""
+    error, left = np.zeros(2), np.zeros(2)
+    simulated = coarse.simulated()
+    for record, fitted, other in zip(
+        coarse.simulator.records, coarse.equations.logged, simulated, strict=True
+    ):
+        error += np.sum(record.weight * (other - fitted) ** 2, axis=0)
+        left += np.sum(record.weight * (record.measured - fitted) ** 2, axis=0)
+    return bool(np.all(error < left))
 
 
 def _groups(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
