@@ -223,7 +223,10 @@ def _parameter_row(
     if origin := known_only_from(entry):
         is_identified, reason = False, f"from {origin}, not from the runs"
     ends = [one["median"] for one in (entry, declared) if one]
-    shift = _shift(name, declared, entry, data.result) if declared else ("", "")
+    # The bias of a parameter that the runs do not determine is that of its prior.
+    shift = ("", "")
+    if declared and entry["identified"]:
+        shift = _shift(name, declared, entry, data.result)
     factor, unit = unit_prefix(entry["unit"], ends)
     return ParameterRow(
         name=name,

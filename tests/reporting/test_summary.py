@@ -140,6 +140,16 @@ def test_a_parameter_of_an_effect_is_named_by_its_meaning() -> None:
     assert rows["torque"].meaning == "coulomb friction: torque at high speed"
 
 
+def test_a_parameter_that_the_runs_do_not_determine_has_no_bias() -> None:
+    """The difference of two priors is no error of the nominal model."""
+    report = make_report(rows=300, with_effect=True)
+    report.result["parameters"]["alpha_Kt"]["identified"] = False
+    rows = {row.name: row for row in parameter_rows(report)}
+
+    assert (rows["alpha_Kt"].shift, rows["alpha_Kt"].shift_bounds) == ("", "")
+    assert rows["Ra25"].shift
+
+
 def test_columns_of_feedback_go_from_cold_to_hot(result: dict[str, Any]) -> None:
     """The order of the temperatures in the result does not matter."""
     result["feedback"].reverse()
