@@ -13,6 +13,7 @@ from app.errors import FileLost, NotFound, NotReady
 from app.fits.schemas import FitOut
 from app.http import API_PREFIX
 from app.http.dependencies import CallerDep, ServicesDep
+from app.pages.pending_views import finding_view
 from app.pages.rendering import help_prefix, page
 from app.pages.results import result_view
 from app.pages.views import fit_view
@@ -36,6 +37,7 @@ def fit_page(fit_id: str, services: ServicesDep, caller: CallerDep) -> HTMLRespo
         help=help_prefix(services),
         fit=fit_view(fit, files),
         outcome=outcome,
+        contradictions=[finding_view(one) for one in (fit.error and fit.error.findings) or ()],
         first_run=next(iter((*fit.validation, *fit.training)), ""),
     )
 

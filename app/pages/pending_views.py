@@ -11,7 +11,7 @@ from app.pages.mapping_form import CHANNELS, OPTIONAL
 from app.pages.views import duration, span
 from app.tables import PendingRow
 
-__all__ = ["pending_list_view", "pending_view"]
+__all__ = ["finding_view", "pending_list_view", "pending_view"]
 
 _FACTORS = ("duty", "bus_voltage_V")
 _SCALED = re.compile(r"(?P<header>.*) \* (?P<factor>\S+)(?: in (?P<unit>\S+))?")
@@ -59,7 +59,7 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
             }
             for error in preview["errors"]
         ],
-        "findings": [_finding(finding) for finding in preview["findings"]],
+        "findings": [finding_view(finding) for finding in preview["findings"]],
         "warnings": [] if summary is None else summary["warnings"],
         "channels": [
             _channel(
@@ -96,9 +96,11 @@ def _facts(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _finding(finding: Mapping[str, Any]) -> dict[str, Any]:
+def finding_view(finding: Mapping[str, Any]) -> dict[str, Any]:
+    """View of a contradiction with its corrections in the fields of the page."""
     label = CHANNELS.get(finding["column"] or "", "")
     return {
+        "file": finding["file"],
         "is_refused": finding["severity"] == "refuse",
         "text": f"{label}: {finding['message']}" if label else finding["message"],
         "corrections": [_correction(words) for words in finding["corrections"]],
@@ -109,15 +111,15 @@ def _finding(finding: Mapping[str, Any]) -> dict[str, Any]:
 def _correction(words: str) -> str:
     """Correction in the fields of the page, from ``FILE:CHANNEL=HEADER * FACTOR in UNIT``."""
     place, _, source = words.partition("=")
-    label = CHANNELS[place.rpartition(":")[2]]
+    label = CHANNELS[place.rpartition(":")[2]].lower()
     found = _SCALED.fullmatch(source)
     if found is None:
-        return f"{label}: {source or 'none'}"
+        return f"{label} from {source or 'no column'}"
     factor = float(found["factor"])
-    parts = [f"column {found['header']}", f"sign {'−' if factor < 0.0 else '+'}"]
+    parts = [f"{label} from column {found['header']}", f"sign {'−' if factor < 0.0 else '+'}"]
     parts += [f"unit {found['unit']}"] if found["unit"] else []
     parts += [f"factor {abs(factor):.12g}"] if abs(factor) != 1.0 else []
-    return f"{label}: {', '.join(parts)}"
+    return ", ".join(parts)
 
 
 def _channel(

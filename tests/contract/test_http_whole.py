@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import httpx
 from jsonschema import Draft202012Validator
 
 from identification.result.entries import result_schema
@@ -53,6 +54,7 @@ def test_a_fit_of_contradictory_runs_fails_with_its_findings(data_dir: Path) -> 
         wrong = caller.upload(other, "training_2.csv", mapping=json.dumps(flip))["id"]
         refused = caller.begin(sound, wrong, posterior=False, effects=False)
         refused = caller.wait(refused["id"], seconds=120)
+        page = httpx.get(f"{server.url}/fits/{refused['id']}").text
         without = caller.begin(sound, wrong, posterior=False, effects=False, set_aside=True)
         without = caller.wait(without["id"], seconds=120)
 
@@ -62,5 +64,8 @@ def test_a_fit_of_contradictory_runs_fails_with_its_findings(data_dir: Path) -> 
     assert (finding["file"], finding["column"]) == ("training_2.csv", "current_A")
     # A second scale of -1 restores the sign.
     assert finding["corrections"] == ["training_2.csv:current_A=current_A * 1"]
+    # The page gives the correction in its own fields and no option of the command line.
+    assert "Correction: current from column current_A, sign +." in page
+    assert "--set-aside" not in page
     assert without["status"] == "succeeded", without["error"]
     assert [run["file"] for run in without["result"]["set_aside"]] == ["training_2.csv"]

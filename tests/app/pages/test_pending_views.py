@@ -14,8 +14,8 @@ from app.tables import PendingRow
 def shown(correction: str) -> str:
     """Correction of a contradiction as the page gives it."""
     finding = {
-        "severity": "refuse", "column": "current_A", "message": "has the wrong sign",
-        "corrections": [correction], "code": "reversed_channel",
+        "file": "run.csv", "severity": "refuse", "column": "current_A",
+        "message": "has the wrong sign", "corrections": [correction], "code": "reversed_channel",
     }  # fmt: skip
     found: dict[str, Any] = {
         "preview": {"findings": [finding], "errors": []},
@@ -32,13 +32,13 @@ def shown(correction: str) -> str:
 @pytest.mark.parametrize(
     ("correction", "words"),
     [
-        ("run.csv:current_A=i * -1", "Current: column i, sign −"),
+        ("run.csv:current_A=i * -1", "current from column i, sign −"),
         (
             "run.csv:current_A=I [mA] * 2.5 in mA",
-            "Current: column I [mA], sign +, unit mA, factor 2.5",
+            "current from column I [mA], sign +, unit mA, factor 2.5",
         ),
-        ("run.csv:current_A=speed in A", "Current: speed in A"),
-        ("run.csv:position_rad=", "Shaft angle: none"),
+        ("run.csv:current_A=speed in A", "current from speed in A"),
+        ("run.csv:position_rad=", "shaft angle from no column"),
     ],
 )
 def test_correction_is_given_in_the_fields_of_the_page(correction: str, words: str) -> None:
