@@ -145,7 +145,7 @@ class AccessService:
                 key = session.scalars(query).one_or_none()
             if key is not None:
                 return self._caller(key)
-        raise BadKey("the key is not valid; create one with `motorid keys create`")
+        raise BadKey("the key is not valid; the operator creates one with motorid keys create")
 
     def open_keys(self, key_ids: Collection[str]) -> set[str]:
         """Subset of the keys that are neither revoked nor expired."""

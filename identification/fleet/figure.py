@@ -20,7 +20,7 @@ from identification.result.numbers import interval_text, number_text, scaled_uni
 
 __all__ = ["Mark", "fleet_figure", "marks_of"]
 
-_LEFT, _WIDTH, _TOP = 66.0, 820.0, 10.0
+_LEFT, _WIDTH, _TOP = 84.0, 802.0, 10.0
 _LEVELS, _CHANGES, _GAP = 190.0, 120.0, 26.0
 _MOST_NAMED = 40
 _APART = 11.0
