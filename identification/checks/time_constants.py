@@ -69,8 +69,8 @@ def _electrical(time: float, longest: float) -> Finding:
         "suspect",
         "",
         "current_A",
-        f"L / Ra is {1e3 * time:.3g} ms, expected at most {1e3 * longest:.3g} ms for a motor of "
-        "this size; possible causes: a filter or delay of the current sensor, a choke in the "
+        f"L / Ra is {_text(time)}, expected at most {_text(longest)} for a motor of this size; "
+        "possible causes: a filter or delay of the current sensor, a choke in the "
         f"leads, a wrong sample clock; {remedy}",
         "electrical time constant [s]",
         time,
@@ -85,10 +85,10 @@ def _mechanical(time: float) -> Finding:
     remedy = "compare J with the data sheet and give --known J=VALUE"
     is_short = time < _MECHANICAL_S[0]
     why = (
-        f"expected at least {1e3 * _MECHANICAL_S[0]:.3g} ms for a rotor without load; possible "
+        f"expected at least {_text(_MECHANICAL_S[0])} for a rotor without load; possible "
         "causes: a wrong unit, a wrong sample clock, a current that is not in A"
         if is_short
-        else f"expected at most {1e3 * _MECHANICAL_S[1]:.3g} ms; possible causes: the inertia of a "
+        else f"expected at most {_text(_MECHANICAL_S[1])}; possible causes: the inertia of a "
         "gear, flywheel or load, a wrong sample clock"
     )
     return Finding(
@@ -96,7 +96,7 @@ def _mechanical(time: float) -> Finding:
         "suspect",
         "",
         "speed_rad_s",
-        f"J Ra / Kt^2 is {1e3 * time:.3g} ms, {why}; {remedy}",
+        f"J Ra / Kt² is {_text(time)}, {why}; {remedy}",
         "mechanical time constant [s]",
         time,
         _MECHANICAL_S[0] if is_short else _MECHANICAL_S[1],
@@ -104,3 +104,8 @@ def _mechanical(time: float) -> Finding:
         remedy=remedy,
         option="known",
     )
+
+
+def _text(time: float) -> str:
+    """Time in ms, or in s from one second on."""
+    return f"{time:.3g} s" if time >= 1.0 else f"{1e3 * time:.3g} ms"

@@ -52,9 +52,12 @@ def test_lag_of_a_sensor_in_the_inductance_is_reported(factor: float) -> None:
     assert "--known L=VALUE" in found.message
 
 
-@pytest.mark.parametrize(("factor", "word"), [(0.01, "rotor without load"), (100.0, "gear")])
+@pytest.mark.parametrize(
+    ("factor", "word"),
+    [(0.01, "rotor without load"), (100.0, "gear"), (1000.0, "is 4.85 s, expected at most 200 ms")],
+)
 def test_inertia_far_from_that_of_a_rotor_is_reported(factor: float, word: str) -> None:
-    """A 3863 CR has 4.8 ms by its data sheet; 0.05 ms and 0.5 s are implausible for a rotor."""
+    """A 3863 CR has 4.8 ms by its data sheet; 0.05 ms, 0.5 s and 5 s are implausible."""
     resistance, constant, inertia, inductance = DATA_SHEETS["Faulhaber 3863H024CR"]
     (found,) = time_constant_findings(
         values_of(resistance, constant, factor * inertia, inductance), TRUSTED
