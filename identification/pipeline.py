@@ -34,6 +34,7 @@ from identification.fit.gains import GainRatio, current_gains, with_one_gain
 from identification.fit.knowledge import Knowledge
 from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
+from identification.fit.voltage import with_smooth_voltage
 from identification.identified import Identified
 from identification.ingest.given import RunLike, runs_of
 from identification.ingest.run import Run
@@ -314,6 +315,9 @@ def _nominal(
     """Records, fit of the nominal model, and runs whose current was logged with another gain."""
     campaign = campaign_of(admission.training, admission.validation)
     declared = _declared(campaign, options)
+    smoothed = with_smooth_voltage(campaign, declared, options.hold)
+    if smoothed is not campaign:
+        campaign, declared = smoothed, _declared(smoothed, options)
     gains = current_gains(declared, campaign)
     if gains:
         campaign = with_one_gain(campaign, gains)

@@ -91,6 +91,8 @@ def simulation_of(
     peaks = [_known(r, "hottest_degC", "a run of the result") for r in before]
     hottest = max((peak for peak in peaks if peak is not None), default=-np.inf)
     records = records_of([run], len(before), hottest)
+    if _object(result, "declared").get("voltage") == "smoothed":
+        records = [record.with_smooth_voltage() for record in records]
     noise = _object({"noise": result.get("noise") or {}}, "noise")
     spread = np.maximum(np.std(np.column_stack([run.current, run.speed]), axis=0), 1e-12)
     deviation = np.array(

@@ -12,7 +12,7 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -22,7 +22,10 @@ from identification.model.excitation import Record, records_of
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 from identification.warning import ResultWarning
 
-__all__ = ["Campaign", "campaign_of", "first_alike"]
+__all__ = ["Campaign", "Voltage", "campaign_of", "first_alike"]
+
+Voltage = Literal["logged", "smoothed"]
+"""Voltage that drives a simulation."""
 
 _ONCE: Final = "give each run once"
 
@@ -44,6 +47,8 @@ class Campaign:
     alike: tuple[int | None, ...]
     """For each run, training before validation, the index of the first earlier run with the same
     samples; None if there is none."""
+    voltage: Voltage = "logged"
+    """Whether the records have the voltage as logged or without its noise."""
 
     @property
     def sample_interval(self) -> float:

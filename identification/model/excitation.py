@@ -17,6 +17,7 @@ from identification.arrays import Array
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS
 from identification.model.logged_temperature import coarse_step, smooth_temperature
+from identification.model.logged_voltage import smooth_voltage
 from identification.model.unlogged import RAMP
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
@@ -108,6 +109,13 @@ class Record:
         """(n_sample,) angle before any correction, logged or integrated from the speed [rad]."""
         return self.column("angle") if self.raw_angle is None else self.raw_angle
 
+    def with_smooth_voltage(self) -> Record:
+        """The record with the noise of its voltage removed."""
+        inputs = self.inputs.copy()
+        for name, column in _voltage_columns(smooth_voltage(self.column("voltage"))).items():
+            inputs[:, INPUTS.index(name)] = column
+        return replace(self, inputs=inputs)
+
     def with_angle(self, angle: Array) -> Record:
         """The record with another angle, (n_sample,) [rad]."""
         inputs = self.inputs.copy()
@@ -197,8 +205,7 @@ def _record(
 
     columns = {
         "interval": interval,
-        "voltage": run.voltage[span],
-        "voltage_next": following(run.voltage[span]),
+        **_voltage_columns(run.voltage[span]),
         "temperature": temperature[span],
         "temperature_next": following(temperature[span]),
         **_angle_columns(angle),
@@ -221,6 +228,11 @@ def _record(
         measured=np.column_stack([run.current[span], speed]), weight=weight,
         angle_logged=run.position is not None, duration=float(time[-1] - time[0]),
     )  # fmt: skip
+
+
+def _voltage_columns(voltage: Array) -> dict[str, Array]:
+    """Inputs that depend on the voltage (n_sample,) [V]."""
+    return {"voltage": voltage, "voltage_next": np.append(voltage[1:], voltage[-1])}
 
 
 def _angle_columns(angle: Array) -> dict[str, Array]:

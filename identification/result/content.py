@@ -83,7 +83,11 @@ def assemble(findings: Findings) -> dict[str, object]:
         "options": _options(findings),
         "runs": _runs(findings.campaign),
         **_checks(findings.admission, implausible),
-        "declared": {"hold": declared.simulator.model.hold, "parameters": before},
+        "declared": {
+            "hold": declared.simulator.model.hold,
+            "voltage": findings.campaign.voltage,
+            "parameters": before,
+        },
         "parameters": after,
         "correlation": _correlation(final, findings.draws),
         "effects": effect_entries(findings.outcome, final, findings.draws, findings.known),

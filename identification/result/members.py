@@ -33,6 +33,7 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 Text = Annotated[str, Field(min_length=1)]
 Role = Literal["training", "validation"]
 _Hold = Literal["zoh", "foh"]
+_Voltage = Literal["logged", "smoothed"]
 
 ABSENT: Any = Field(default_factory=lambda: None)
 """Default of a member that may be absent; the schema does not show a default."""
@@ -124,6 +125,8 @@ class Nominal(ResultObject):
 
     hold: _Hold = ABSENT
     """Voltage between samples in the nominal model; the effect `input_hold` exchanges the two."""
+    voltage: _Voltage = ABSENT
+    """Voltage that drives the simulation: as logged, or without the noise of its sensor."""
     parameters: MotorParameters
 
 

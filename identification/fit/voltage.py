@@ -1,0 +1,83 @@
+"""Decision whether the runs contain the noise of the logged voltage as a voltage at the motor.
+
+A jitter of the logged voltage is noise of its sensor, or the output of a controller that amplifies
+the noise of its own sensor.  Only the current and the speed can tell: the motor follows the second
+one.  Nominal models of both kinds have the same parameters, so their likelihoods are comparable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, Literal
+
+import numpy as np
+
+from identification.fit.campaign import Campaign
+from identification.fit.declared import fit_declared
+from identification.fit.solve import Fit
+from identification.model.composite import Hold
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator
+from identification.warning import ResultWarning
+
+__all__ = ["with_smooth_voltage"]
+
+_ODDS: Final = np.log(100.0)
+"""Log likelihood ratio from which the smoothed voltage replaces the logged one; decisive evidence
+on the scale of Jeffreys."""
+_LEAST: Final = 0.1
+"""Least change of the simulation in standard deviations of the residual.  Noise that contributes
+less, one per cent of the variance, causes no bias worth a second fit."""
+
+
+def with_smooth_voltage(
+    campaign: Campaign, declared: Fit, hold: Hold | Literal["auto"]
+) -> Campaign:
+    """The campaign without the noise of its voltage, if that explains current and speed better.
+
+    Args:
+        campaign: Training and validation records.
+        declared: Fit of the nominal model to the training records.
+        hold: Inter-sample behaviour of the voltage; ``auto`` for an unknown one.
+    """
+    holds: Sequence[Hold] = ("zoh", "foh") if hold == "auto" else (hold,)
+    smooth = [record.with_smooth_voltage() for record in campaign.training]
+    if not _matters(declared, smooth):
+        return campaign
+    fitted = declared.simulator.model.hold
+    before = min(
+        declared.cost if hold == fitted else fit_declared(campaign.training, hold).cost
+        for hold in holds
+    )
+    after = min(fit_declared(smooth, hold).cost for hold in holds)
+    if not before - after > _ODDS:
+        return campaign
+    removed = [
+        new.column("voltage") - old.column("voltage")
+        for new, old in zip(smooth, campaign.training, strict=True)
+    ]
+    noise = float(np.std(np.concatenate(removed)))
+    message = (
+        f"voltage_V has noise of {noise:.2g} V that current and speed do not follow; it was "
+        "smoothed between its jumps, because noise of the voltage biases Ra25 and L"
+    )
+    return replace(
+        campaign,
+        training=tuple(smooth),
+        validation=tuple(record.with_smooth_voltage() for record in campaign.validation),
+        warnings=(*campaign.warnings, ResultWarning("smoothed_voltage", "note", message)),
+        voltage="smoothed",
+    )
+
+
+def _matters(declared: Fit, smooth: Sequence[Record]) -> bool:
+    """Whether the removed noise changes the simulated current or speed."""
+    values = declared.values
+    simulator = Simulator.fitting(declared.simulator.model, smooth, values)
+    logged = simulator.logged(values[:, None], declared.states)
+    change, residual = np.zeros(2), np.zeros(2)
+    for record, new, old in zip(smooth, logged, declared.simulated(), strict=True):
+        change += np.sum(record.weight * (new[:, :, 0] - old) ** 2, axis=0)
+        residual += np.sum(record.weight * (record.measured - old) ** 2, axis=0)
+    return bool(np.any(change > _LEAST**2 * residual))

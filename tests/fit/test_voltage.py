@@ -1,0 +1,89 @@
+"""Noise of the logged voltage and its bias of the fitted resistance and inductance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.fit.campaign import Campaign, campaign_of
+from identification.fit.declared import fit_declared
+from identification.fit.voltage import with_smooth_voltage
+from identification.ingest.run import Run
+from identification.model.composite import Hold
+from identification.options import FitOptions
+from identification.pipeline import identify
+from identification.prediction import predict
+from tests.motors import Motor, motor_named, run_of
+
+MOTOR = motor_named("servo 100 W")
+ROWS = 1500
+
+
+def wavy(seed: int, jitter: float = 0.0) -> Run:
+    """Run with a sum of slow sines, and noise of current and speed.
+
+    Args:
+        seed: Seed of the noise.
+        jitter: Standard deviation of a jitter that is a voltage at the motor [V].
+    """
+    rng = np.random.default_rng(seed)
+    time = MOTOR.interval * np.arange(ROWS)
+    waves = (np.sin(2 * np.pi * f * time + seed * f) for f in (0.7, 1.9, 3.1))
+    voltage = 5.0 * np.sum([*waves], axis=0) + jitter * rng.standard_normal(ROWS)
+    hold: Hold = "zoh" if jitter else "foh"
+    run = run_of(MOTOR, voltage, np.full(ROWS, 25.0 + 20.0 * seed), np.zeros(2), hold)
+    current = run.current + 0.01 * np.std(run.current) * rng.standard_normal(ROWS)
+    speed = run.speed + 0.01 * np.std(run.speed) * rng.standard_normal(ROWS)
+    return replace(run, current=current, speed=speed, name=f"run{seed}.csv")
+
+
+def with_noise(run: Run, size: float) -> Run:
+    """The run with noise of the voltage sensor [V]."""
+    rng = np.random.default_rng(int(run.name[3]) + 50)
+    return replace(run, voltage=run.voltage + size * rng.standard_normal(run.rows))
+
+
+def decided(runs: list[Run]) -> tuple[Campaign, Campaign]:
+    """The campaign before and after the decision."""
+    campaign = campaign_of(runs[:2], runs[2:])
+    declared = fit_declared(campaign.training, "zoh")
+    return campaign, with_smooth_voltage(campaign, declared, "auto")
+
+
+def errors(motor: Motor, campaign: Campaign) -> dict[str, float]:
+    """Relative errors of Ra25 and L of the nominal model with a first-order hold [-]."""
+    values = fit_declared(campaign.training, "foh").values
+    return {"Ra25": values[0] / motor.values[0] - 1.0, "L": values[6] / motor.values[6] - 1.0}
+
+
+def test_noise_of_the_voltage_sensor_is_removed_and_with_it_the_bias() -> None:
+    """Least squares with a noisy regressor is biased; two per cent of noise suffice for L."""
+    before, after = decided([with_noise(wavy(k), 0.3) for k in range(3)])
+    assert after.voltage == "smoothed"
+    assert [warning.code for warning in after.warnings] == ["smoothed_voltage"]
+    with_bias, without = errors(MOTOR, before), errors(MOTOR, after)
+    assert abs(with_bias["L"]) > 0.1
+    assert abs(without["L"]) < 0.3 * abs(with_bias["L"])
+    assert abs(without["Ra25"]) < 0.02
+    assert np.std(after.validation[0].column("voltage") - wavy(2).voltage) < 0.2
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.15])
+def test_a_voltage_that_the_motor_follows_is_kept(jitter: float) -> None:
+    """Without noise nothing is gained, and a jitter at the motor shows in its current."""
+    before, after = decided([wavy(k, jitter) for k in range(3)])
+    assert after is before
+
+
+def test_a_prediction_removes_the_noise_as_the_fit_did() -> None:
+    """The predicted current is closer to the true one than with the noise of the log."""
+    true = wavy(2)
+    runs = [with_noise(run, 0.3) for run in (wavy(0), wavy(1), true)]
+    options = FitOptions(effects=False, posterior=False)
+    result = identify(runs[:2], options=options).result
+    assert result["declared"]["voltage"] == "smoothed"
+    as_logged = result | {"declared": result["declared"] | {"voltage": "logged"}}
+    smooth, noisy = (
+        np.std(predict(one, runs[2])["current_A"] - true.current) for one in (result, as_logged)
+    )
+    assert smooth < 0.5 * noisy
