@@ -10,9 +10,12 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.effects.effect import Candidate
+from identification.fit.declared import fit_declared
+from identification.fit.solve import Fit
+from identification.model.term import AbstractHold
 from identification.selection.start import Along, Start
 
-__all__ = ["Score", "gathered", "sized"]
+__all__ = ["Score", "gathered", "sized", "with_fitted_hold"]
 
 _OTHERS: Final = 5
 """Further starting points per structure at most, besides the best."""
@@ -62,6 +65,29 @@ def gathered(scores: Sequence[Score]) -> list[Score]:
         if known is not score and len(known.others) < _OTHERS:
             best[score.structure] = replace(known, others=(*known.others, *score.starts))
     return list(best.values())
+
+
+def with_fitted_hold(fit: Fit, scores: Sequence[Score]) -> list[Score]:
+    """Scores with the gain of another hold of the voltage from a fit instead of a prediction.
+
+    The hold has no amplitude, and with the wrong one all parameters of a slowly driven motor are
+    far off, so that a first-order prediction misses most of the gain.
+
+    Args:
+        fit: Fit of the nominal model.
+        scores: Best first.
+    """
+    found = []
+    for score in scores:
+        if isinstance(score.candidate.final, AbstractHold):
+            hold = fit.simulator.model.adding(score.candidate.final).held
+            fitted = fit_declared(fit.simulator.records, hold)
+            if fit.cost - fitted.cost > score.gain:
+                along = Along.to(fit, fitted.values)
+                found.append(replace(score, gain=fit.cost - fitted.cost, along=along))
+                continue
+        found.append(score)
+    return sorted(found, key=lambda score: -score.gain)
 
 
 def sized(candidate: Candidate, first: int, weights: Array) -> tuple[Array, Array]:

@@ -29,7 +29,7 @@ from identification.selection.refit import (
     refitted_with,
     refitted_without,
 )
-from identification.selection.score import Score, gathered
+from identification.selection.score import Score, gathered, with_fitted_hold
 from identification.selection.screen import screened
 from identification.selection.start import Start, traded
 from identification.selection.tracing import missing_curves
@@ -168,6 +168,8 @@ class Trials:
         if key not in self._scores:
             candidates = candidates_of(current.fit, self.withheld)
             found = screened(current.fit, candidates, self.policy)
+            if not key:
+                found = with_fitted_hold(current.fit, found)
             scored = {score.candidate.term.name for score in found}
             names = dict.fromkeys(candidate.term.name for candidate in candidates)
             self._uncomputed[key] = [name for name in names if name not in scored]
