@@ -17,6 +17,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.checks.admission import Admission
 from identification.checks.finding import Finding
+from identification.checks.resistance import resistance_findings
 from identification.checks.time_constants import time_constant_findings
 from identification.diagnosis.outliers import outlier_warnings
 from identification.effects.effect import effects_of
@@ -61,6 +62,8 @@ from identification.warning import ResultWarning
 __all__ = ["assemble"]
 
 _CORRELATION_DIGITS = 6
+_DOUBTFUL = {"resistance_coefficient": ("Ra25", "alpha_Ra", "L")}
+"""Parameters that an implausible value makes doubtful, however well the runs determine it."""
 _MOST_NAMED = 12
 """Largest number of runs that a warning on temperatures names."""
 
@@ -74,8 +77,9 @@ def assemble(findings: Findings) -> dict[str, object]:
     after = _parameters(final, findings.draws, findings.known, findings)
     implausible = _implausible(findings)
     missed = missed_channels(findings)
-    if missed:
-        after = {name: entry | {"identified": False} for name, entry in after.items()}
+    doubtful = {name for one in implausible for name in _DOUBTFUL.get(one.code, ())}
+    for name in after if missed else doubtful:
+        after[name] = after[name] | {"identified": False}
     warnings = _warnings(findings, [*missed, *(one.warning() for one in implausible)])
     return {
         "schema_version": 1,
@@ -157,7 +161,7 @@ def _sampler(sample: Sample) -> dict[str, object]:
 
 
 def _implausible(findings: Findings) -> list[Finding]:
-    """Implausible time constants, computed from identified parameters that the user has not given.
+    """Implausible values among those that the runs determine and the user has not given.
 
     Effects confounded with a single parameter do not widen its uncertainty here: an inductance is
     reported as implausible even if a sensor lag may explain it.
@@ -165,10 +169,14 @@ def _implausible(findings: Findings) -> list[Finding]:
     final = findings.final
     others = [term for term in findings.omitted if not term.parameter]
     known = identified(final, findings.fraction, consider_variances(final, others))
-    given = {p.name for p in final.coordinates.parameters if p.origin} & {"J", "L"}
+    given = {p.name for p in final.coordinates.parameters if p.origin} - {"Ra25", "Kt25"}
     values = dict(zip(final.coordinates.names, map(float, final.values), strict=True))
+    deviations = dict(zip(final.coordinates.names, map(float, final.deviations), strict=True))
     trusted = {name: known[name] and name not in given for name in DECLARED_PARAMETERS}
-    return time_constant_findings(values, trusted)
+    return [
+        *time_constant_findings(values, trusted),
+        *resistance_findings(values, deviations, trusted),
+    ]
 
 
 def _software() -> dict[str, str]:

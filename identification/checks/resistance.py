@@ -1,0 +1,65 @@
+"""Plausibility of the identified temperature coefficient of the resistance.
+
+The winding is of copper, alpha 0.0039 1/K, or of aluminium, 0.0040 1/K.  Leads, brushes and the
+transistors of a bridge are colder or have a smaller coefficient, so that alpha_Ra is that of copper
+times the share of the winding in Ra25.  A voltage that the model lacks, such as a delay or noise of
+the voltage sensor, is fitted as a resistance that does not depend on the temperature at all.
+
+The limits are a share of a quarter and one and a half times copper, which a winding whose
+temperature rises by half more than the logged one has.
+
+Source: IEC 60034-1 (2022), 8.6.2.3.3 (225 and 235 degC for aluminium and copper, which is
+1 / (T + 25 degC) at 25 degC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from identification.checks.finding import Finding
+
+__all__ = ["resistance_findings"]
+
+_COPPER: Final = 1.0 / 260.0
+"""Temperature coefficient of copper at 25 degC [1/K]."""
+_LIMITS: Final = (0.25 * _COPPER, 1.5 * _COPPER)
+"""Smallest and largest plausible coefficient [1/K]."""
+_SPREADS: Final = 3.0
+"""Standard deviations by which a coefficient has to exceed its limit."""
+
+
+def resistance_findings(
+    values: Mapping[str, float], deviations: Mapping[str, float], trusted: Mapping[str, bool]
+) -> list[Finding]:
+    """Suspicion about a resistance that does not rise with temperature as copper does.
+
+    Args:
+        values: Identified parameters by name [their units].
+        deviations: Their standard deviations.
+        trusted: Whether each is determined; values given by the user are not checked.
+    """
+    name = "alpha_Ra"
+    value, spread = values[name], _SPREADS * deviations[name]
+    low, high = _LIMITS
+    if not trusted[name] or low - spread <= value <= high + spread:
+        return []
+    remedy = "measure Ra25 with an ohmmeter and give --known Ra25=VALUE"
+    return [
+        Finding(
+            "resistance_coefficient",
+            "suspect",
+            "",
+            None,
+            f"alpha_Ra is {value:.3g} 1/K, expected {low:.2g} to {high:.2g} 1/K for a winding of "
+            "copper, so Ra25, alpha_Ra and L are not taken as identified; possible causes: a delay "
+            "or noise of the voltage sensor, a temperature that is not that of the winding, an "
+            f"effect that the model lacks; {remedy}",
+            "temperature coefficient [1/K]",
+            value,
+            low if value < low else high,
+            separable=False,
+            remedy=remedy,
+            option="known",
+        )
+    ]
