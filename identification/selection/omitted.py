@@ -143,7 +143,13 @@ def with_omitted_drawn(
 
 
 def _steps(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:
-    """(n_parameter, n_term) steps; zero for a parameter that was not part of the screening."""
+    """(n_parameter, n_term) steps; zero for a parameter that was not part of the screening.
+
+    Together they do not exceed the standard deviation of the prior: terms can leave a parameter
+    undetermined, but not less certain than without any run.
+    """
     names = fit.coordinates.names
     steps = [[term.steps.get(name, 0.0) for name in names] for term in omitted]
-    return np.array(steps, dtype=np.float64).reshape(len(omitted), len(names)).T
+    found = np.array(steps, dtype=np.float64).reshape(len(omitted), len(names)).T
+    limit = fit.coordinates.prior_sd / np.maximum(np.linalg.norm(found, axis=1), 1e-300)
+    return np.asarray(found * np.minimum(limit, 1.0)[:, None])

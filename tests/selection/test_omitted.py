@@ -144,3 +144,18 @@ def test_warning_names_the_terms_and_the_parameter_they_change_most(
 
     assert "none passes the acceptance criteria (coulomb_friction" in message
     assert "which is most for b: " in message
+
+
+def test_no_terms_make_a_parameter_less_certain_than_its_prior(clean: Fit) -> None:
+    """First-order steps of e^60 in L stay within the prior, which spans a factor of e^5."""
+    far = [OmittedTerm(name, 20.0, 5.0, {"L": 60.0}) for name in ("brush_drop", "unlisted")]
+    row = clean.coordinates.names.index("L")
+    prior = clean.coordinates.prior_sd[row]
+    assert consider_variances(clean, far)[row] == pytest.approx(prior**2)
+    draws = {
+        name: np.full(4000, at)
+        for name, at in zip(clean.coordinates.names, clean.values, strict=True)
+    }
+    wide = np.log(with_omitted_drawn(draws, clean, far, seed=1)["L"] / clean.values[row])
+    # The lower bound of L mirrors a part of the draws.
+    assert 0.5 * prior < np.std(wide) < 1.05 * prior
