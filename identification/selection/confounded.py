@@ -19,11 +19,12 @@ that the parameters cannot reproduce, and s the amplitude at which it causes the
 friction.  On a representative subset, the information is multiplied by the ratio of all samples to
 those of the subset.
 
-*Swapped.* The sensor gets nearly the whole lag, and all parameters are fitted from there.  If the
-log likelihood falls by less than the limit, the runs do not exclude this optimum.  With its loss d
-and its parameter step m, the covariance grows by m m' / max(2 d, 1).  An optimum that the subset of
-long records excludes counts as excluded.  Any other is refitted to all samples, up to 100,000 of
-them.
+*Swapped.* The sensor gets nearly the whole lag, or the constant torque nearly the whole friction,
+and all parameters are fitted from there.  With a small dry friction a shaft at rest creeps and with
+the whole one it sticks, so that the two optima are apart.  If the log likelihood falls by less than
+the limit, the runs do not exclude this optimum.  With its loss d and its parameter step m, the
+covariance grows by m m' / max(2 d, 1).  An optimum that the subset of long records excludes counts
+as excluded.  Any other is refitted to all samples, up to 100,000 of them.
 
 Source: Schmidt, in Advances in Control Systems 3 (1966), 293-340 (consider covariance); Venzon and
 Moolgavkar, Applied Statistics 37 (1988), 87-94 (profile likelihood); Wilks, Annals of Mathematical
@@ -33,19 +34,19 @@ Statistics 9 (1938), 60-62 (distribution of the loss).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array
-from identification.effects.effect import Candidate
+from identification.effects.effect import AbstractEffect, Candidate
 from identification.effects.friction import CoulombFriction
 from identification.effects.parameters import columns
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_fraction
-from identification.fit.solve import Fit, TerminationLimits
+from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.model.excitation import Record
 from identification.selection.omitted import OmittedTerm
 from identification.selection.policy import DEFAULT, SelectionPolicy
@@ -71,8 +72,8 @@ class _Rival:
     """Candidate with one prototype of small amplitude."""
     whole: float
     """Amplitude that causes all of the lag or friction, over that of the prototype [-]."""
-    swapped: float | None = None
-    """Amplitude that causes nearly all of it, where a fit starts; None for no fit."""
+    swapped: Array | None = None
+    """(n_own,) parameters that cause nearly all of it, where a fit starts; None for no fit."""
 
     @property
     def name(self) -> str:
@@ -175,7 +176,9 @@ def _rivals(fit: Fit, policy: SelectionPolicy) -> Iterator[_Rival]:
         friction = CoulombFriction.candidates(scales)[0]
         first = friction.starts[:, :1]
         whole = at["b"] * scales.speed / float(first[0, 0])
-        yield _Rival("b", Candidate(friction.term, first), whole)
+        nearly = first[:, 0].copy()
+        nearly[0] *= (1.0 - policy.remaining_lag) * whole
+        yield _Rival("b", Candidate(friction.term, first), whole, nearly)
 
 
 def _lagging(
@@ -187,7 +190,7 @@ def _lagging(
     small, nearly = np.clip(shares * lag, 1.01 * own.lower, 0.99 * own.upper)
     small = max(float(small), 1e-3 * own.upper)
     candidate = Candidate(lagging.term, columns((small,)))
-    return _Rival(name, candidate, max(lag / small, 1.0), float(nearly) if swaps else None)
+    return _Rival(name, candidate, max(lag / small, 1.0), np.array([nearly]) if swaps else None)
 
 
 def _first_order(final: _Final, part: Fit, rival: _Rival) -> Iterator[OmittedTerm]:
@@ -218,11 +221,10 @@ def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[Omi
     for base in parts:
         values = base.values.copy()
         values[base.coordinates.names.index(rival.parameter)] *= policy.remaining_lag
-        start = Start(np.array([rival.swapped]), along=Along.to(base, values))
         # Fitting the subset's noise gains 0.5 per parameter on average; allow twice that.
         limit = final.limit(part) + (0 if part is whole else part.position.size)
         limits = TerminationLimits(policy.steps, part.cost + limit / fraction)
-        fit = refitted_with(base, rival.small.term, [start], limits)
+        fit = _fitted_from(base, values, rival.small.term, rival.swapped, limits)
         loss = fraction * (fit.cost - part.cost)
         if not loss < limit:
             continue
@@ -235,8 +237,24 @@ def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[Omi
             there = here | dict(zip(fit.coordinates.names, fit.values, strict=True))
             moved = whole.coordinates.of(np.array([there[name] for name in here]))
             step = (moved - whole.position) / np.sqrt(max(2.0 * loss, 1.0))
-            time = there[f"{rival.name}.{rival.small.term.parameters[0].name}"]
-            yield final.term(rival, step, -loss, limit, float(time))
+            own = rival.small.term.parameters[0]
+            time = None if own.vanishes else float(there[f"{rival.name}.{own.name}"])
+            yield final.term(rival, step, -loss, limit, time)
+
+
+def _fitted_from(
+    base: Fit, values: Array, term: AbstractEffect, own: Array, limits: TerminationLimits
+) -> Fit:
+    """Fit with a term added, from given values of the parameters and of the term's own."""
+    start = Start(own, along=Along.to(base, values))
+    if not term.parameters[0].vanishes:
+        return refitted_with(base, term, [start], limits)
+    # A refit would start from a smaller amplitude if that fits better, and return to `base`.
+    added = refitted_with(base, term, [start], TerminationLimits(0))
+    there = dict(zip(base.coordinates.names, values, strict=True))
+    there |= {f"{term.name}.{p.name}": x for p, x in zip(term.parameters, own, strict=True)}
+    position = added.coordinates.of(np.array([there[name] for name in added.coordinates.names]))
+    return continued(replace(added, position=position), limits)
 
 
 def _rows(fit: Fit) -> int:

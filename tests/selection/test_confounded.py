@@ -14,6 +14,7 @@ from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
+from identification.ingest.run import Run
 from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
 from identification.posterior.density import Posterior
@@ -151,6 +152,47 @@ def test_friction_of_one_direction_may_be_a_constant_torque(
 
     assert named == (["coulomb_friction"] if is_open else [])
     assert low <= dict(zip(fit.coordinates.names, chosen.values, strict=True))["b"] <= high
+
+
+def started_from_rest(torque: float) -> Run:
+    """Step of a geared motor with dry friction, which sticks before the step.
+
+    Args:
+        torque: Dry friction [N m].
+    """
+    resistance, constant, inertia, friction, inductance = 2.8, 0.012, 2e-6, 1.5e-6, 2.5e-3
+    rows, fine, step = 370, 50, 2e-5
+    rng = np.random.default_rng(1)
+    voltage = 9.6 * (np.arange(rows) >= 37)
+    current, speed, states = 0.0, 0.0, np.empty((rows, 2))
+    for k, held in enumerate(voltage):
+        states[k] = current, speed
+        for _ in range(fine):
+            # The winding is exact for a constant speed; the shaft is released at the dry friction.
+            final = (held - constant * speed) / resistance
+            current = final + (current - final) * np.exp(-step * resistance / inductance)
+            driving = constant * current - friction * speed
+            speed = max(0.0, speed + step * (driving - torque) / inertia)
+    noise = np.array([5e-3, 1.2]) * rng.standard_normal((rows, 2))
+    logged, time = states + noise, 1e-3 * np.arange(rows, dtype=np.float64)
+    return Run(
+        "step.csv", "0" * 64, time, voltage.astype(np.float64), logged[:, 0], logged[:, 1], None
+    )
+
+
+def test_dry_friction_that_holds_the_shaft_at_first_may_be_viscous() -> None:
+    """A shaft that creeps at rest and one that sticks are two optima; b of both is in the interval.
+
+    More than half of the friction at full speed is dry, so a model without it has more than twice
+    the true b.
+    """
+    fit = fit_declared(records_of([started_from_rest(1.5e-3)]), "zoh")
+
+    low, high = interval(fit, "b")
+
+    assert dict(zip(fit.coordinates.names, fit.values, strict=True))["b"] > 3e-6
+    assert low <= 1.5e-6 <= high
+    assert not is_identified(fit, "b")
 
 
 @pytest.mark.parametrize("direction", ["forward", "both"])
