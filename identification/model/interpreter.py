@@ -82,8 +82,8 @@ class Interpreted:
             elif operation == ca.OP_OUTPUT:
                 results[target[0]][target[1]] = places[step.instruction_input(k)[0]]
             else:
-                a, *rest = (places[j] for j in step.instruction_input(k))
-                b = rest[0] if rest else a
+                operands = step.instruction_input(k)
+                a, b = places[operands[0]], places[operands[-1]]
                 fixed = self._fixed[a] and self._fixed[b]
                 places[target[0]] = self._added(operation, a, b, fixed=fixed)
         stores = [(_OUTPUT, row, place, 0) for row, place in enumerate(results[1])]

@@ -59,12 +59,12 @@ def gathered(scores: Sequence[Score]) -> list[Score]:
     Args:
         scores: Best first.
     """
-    best: dict[tuple[str, str], Score] = {}
+    best: dict[tuple[str, str], tuple[Score, list[Start]]] = {}
     for score in scores:
-        known = best.setdefault(score.structure, score)
-        if known is not score and len(known.others) < _OTHERS:
-            best[score.structure] = replace(known, others=(*known.others, *score.starts))
-    return list(best.values())
+        known, others = best.setdefault(score.structure, (score, list(score.others)))
+        if known is not score and len(others) < _OTHERS:
+            others += score.starts
+    return [replace(score, others=tuple(others)) for score, others in best.values()]
 
 
 def with_fitted_hold(fit: Fit, scores: Sequence[Score]) -> list[Score]:

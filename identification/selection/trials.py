@@ -29,7 +29,7 @@ from identification.selection.refit import (
     refitted_with,
     refitted_without,
 )
-from identification.selection.score import Score, gathered, with_fitted_hold
+from identification.selection.score import Score, with_fitted_hold
 from identification.selection.screen import screened
 from identification.selection.start import Start, traded
 from identification.selection.tracing import missing_curves
@@ -200,7 +200,9 @@ class Trials:
         gained more than predicted, so may the others: the score is taken at a biased model.
         """
         key, ratio = _key(current.fit), 1.0
-        for score in gathered(self._scores.get(key, [])):
+        # The last of equal keys remains: the best score of each structure.
+        best = {score.structure: score for score in reversed(self._scores.get(key, []))}
+        for score in best.values():
             other = score.candidate.final
             if (other.equation, other.drivers) == (term.equation, term.drivers) and score.gain > 0:
                 found = key | {_name(other)}
