@@ -30,6 +30,7 @@ from app.commands.exits import (
 )
 from app.commands.export import export
 from app.commands.keys import keys
+from app.commands.loading import loading
 from app.commands.tune import tune
 from app.logging import warnings_logged
 
@@ -287,7 +288,8 @@ def serve(
     no_auth: options.NoAuth = False,
 ) -> None:
     """Run the HTTP service.  MOTORID_ environment variables supply all other settings."""
-    from app.commands import administration
+    with loading():
+        from app.commands import administration
 
     administration.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
 

@@ -27,7 +27,6 @@ from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
 from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError, OptionError
-from identification.export.linear import state_space, transfer_function
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.gains import GainRatio, current_gains, with_one_gain
@@ -108,6 +107,9 @@ class Identification(Identified):
         Raises:
             OptionError: python-control is not installed, or the temperature is not accepted.
         """
+        # Lazy import, here and below: the exports are no part of an identification.
+        from identification.export.linear import transfer_function
+
         return transfer_function(self.result, temperature)
 
     def state_space(self, temperature: float, samples: int = 0) -> list[control.StateSpace]:
@@ -122,6 +124,8 @@ class Identification(Identified):
         Raises:
             OptionError: python-control is not installed, or the temperature is not accepted.
         """
+        from identification.export.linear import state_space
+
         count = next(iter(self.findings.draws.values())).size
         kept = np.unique(np.linspace(0, count - 1, samples).astype(int))
         draws = {name: values[kept] for name, values in self.findings.draws.items()}

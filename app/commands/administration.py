@@ -13,6 +13,7 @@ from sqlalchemy.exc import DatabaseError
 
 from app.access.service import AccessService
 from app.commands.exits import Terminated
+from app.commands.loading import loading
 from app.damage import DamagedDatabase, check_present, is_damaged
 from app.database import Database
 from app.settings import Settings, load_settings
@@ -33,7 +34,8 @@ def serve(
     settings = load_settings(host=host, port=port, data_dir=data_dir, no_auth=no_auth)
     listening = _listen(settings)
     # Local import: the key commands do not need the server.
-    from app.server import serve as run
+    with loading():
+        from app.server import serve as run
 
     # Signals are the normal end of a server; it has shut down cleanly by then.
     with listening, suppress(KeyboardInterrupt, Terminated), owner_only():

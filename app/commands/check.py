@@ -14,6 +14,7 @@ from rich.table import Table
 from app.commands.arguments import check_mapped_files, map_arguments, run_names
 from app.commands.console import print_help, print_json, remark, results_console, table_with
 from app.commands.files import writable_file
+from app.commands.loading import loading
 from identification.errors import InputError, OptionError, RunFileError
 from identification.examples import Example
 from identification.result.numbers import number_text, unit_text
@@ -48,7 +49,8 @@ def check(
         InputError: A file cannot be read, or runs contradict; all of them have been shown.
         OptionError: The mapping cannot be saved.
     """
-    from identification.preview import check as examined
+    with loading():
+        from identification.preview import check as examined
 
     check_mapped_files(mapping, files)
     if save_mapping is not None:

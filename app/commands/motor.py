@@ -22,6 +22,7 @@ from app.commands.files import (
     writable_file,
     write_json,
 )
+from app.commands.loading import loading
 from identification.arrays import Array
 from identification.errors import InputError, OptionError
 from identification.label import Label
@@ -121,8 +122,9 @@ def _identified(
     label: Label,
 ) -> dict[str, Any]:
     """Read runs, identify the motor, write its files and return the content of result.json."""
-    # Local imports, here and below: reading, fitting and plotting modules take seconds to load.
-    from identification.ingest import read_run
+    # Local imports, here and below: reading, fitting and plotting modules take a second to load.
+    with loading():
+        from identification.ingest import read_run
 
     files = [*training, *validation]
     check_mapped_files(mapping, files)
@@ -132,7 +134,8 @@ def _identified(
         runs.append(read_run(file, name=name, mapping=mapping))
     _refuse_checks_on_fitted(files, [run.sha256 for run in runs], len(training))
     with writable_directory(out):
-        from identification.pipeline import identify
+        with loading():
+            from identification.pipeline import identify
 
         identification = identify(
             runs[: len(training)],

@@ -12,12 +12,12 @@ and print.  Text is escaped here because it includes file names.
 
 from __future__ import annotations
 
+import html
 import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
-from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -138,10 +138,11 @@ def svg(width: float, height: float, title: str, description: str, body: str) ->
         body: SVG marks.
     """
     key = f"svg{next(_identifiers)}"
+    title, description = (html.escape(text, quote=False) for text in (title, description))
     return (
         f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" role="img" '
         f'aria-labelledby="{key}t {key}d">'
-        f'<title id="{key}t">{escape(title)}</title><desc id="{key}d">{escape(description)}</desc>'
+        f'<title id="{key}t">{title}</title><desc id="{key}d">{description}</desc>'
         f"{body}</svg>"
     )
 
@@ -187,7 +188,8 @@ def text(x: float, y: float, content: str, kind: str = "tick", turned: bool = Fa
     if not (abs(x) <= _FAR and abs(y) <= _FAR):
         return ""
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
-    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}"{turn}>{escape(content)}</text>'
+    words = html.escape(content, quote=False)
+    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}"{turn}>{words}</text>'
 
 
 def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 5)) -> str:

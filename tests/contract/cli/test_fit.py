@@ -231,14 +231,14 @@ def test_refused_input_leaves_no_directory_behind(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_fit_loads_neither_the_web_framework_nor_the_database(
+def test_fit_loads_neither_the_service_nor_the_exports(
     run_files: list[Path], tmp_path: Path
 ) -> None:
     """A new interpreter lists its modules after a complete fit."""
     program = (
         "import sys\nfrom app.cli import main\nassert main(sys.argv[1:]) == 0\n"
-        "print([m for m in ('fastapi', 'starlette', 'uvicorn', 'sqlalchemy', 'alembic') "
-        "if m in sys.modules])"
+        "print([m for m in ('fastapi', 'starlette', 'uvicorn', 'sqlalchemy', 'alembic', "
+        "'identification.export') if m in sys.modules])"
     )
 
     run = subprocess.run(
