@@ -42,6 +42,9 @@ _LADDER: Final = np.array([0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-1, 1e2])
 _STEEP: Final = np.array([1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
 """Damping ladder after a step whose damping exceeded the least of these."""
 
+_SHORTER: Final = np.array([0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001])
+"""Fractions of the undamped step that are tried if no damping lowers the cost."""
+
 _ENOUGH: Final = 1e-3
 """Predicted gain in log likelihood at which a fit has converged; it is 0.045 standard
 deviations."""
@@ -221,18 +224,12 @@ def optimised(
             break
         if number >= _TRIED and cost - _OPTIMISM * decrement > limits.abandon_cost:
             break
-        steps, moves = equations.steps(ladder, at, coordinates)
-        trial = at[:, None] + steps, [x[:, None] + move for x, move in zip(x0, moves, strict=True)]
-        costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
+        trial, costs, sized = _trials(
+            equations, coordinates, (at, x0), (cost, decrement), weighting, ladder
+        )
         best = int(np.argmin(costs))
-        if cost - costs[best] < _STRAIGHT * decrement - _ENOUGH:
-            bent = _bent(equations, coordinates, (at, x0), trial, weighting, ladder)
-            bent_costs, bent_sized = _cost(simulator, coordinates, bent[0], bent[1], weighting)
-            if bent_costs.min() < costs[best]:
-                trial, costs, sized = bent, bent_costs, bent_sized
-                best = int(np.argmin(costs))
         if not costs[best] < cost:
-            # No damping lowers the cost: this is the optimum, up to rounding of the cost.
+            # No step lowers the cost: this is the optimum, up to rounding of the cost.
             converged = decrement < 1.0
             break
         moved, moved_x0 = trial[0][:, best], [x[:, best] for x in trial[1]]
@@ -244,6 +241,47 @@ def optimised(
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
     converged |= equations.decrement_within(at, coordinates) < limits.enough(cost)
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
+
+
+def _trials(
+    equations: NormalEquations,
+    coordinates: Coordinates,
+    start: tuple[Array, list[Array]],
+    expected: tuple[float, float],
+    weighting: Weighting,
+    ladder: Array,
+) -> tuple[tuple[Array, list[Array]], Array, Weighting]:
+    """Points to which a step may lead, their costs, and the noise model scaled to the best.
+
+    If a curved valley makes the steps gain little, they are corrected to second order.  If no step
+    lowers the cost, the undamped step is shortened.  The damping does not limit initial states, and
+    that of a speed which friction stops at once has hardly a derivative, so that its step leaves
+    the range in which friction is linear.
+
+    Args:
+        equations: Normal equations at the start.
+        coordinates: Bounds.
+        start: (n_parameter,) search coordinates and for each record (n_state,) initial state.
+        expected: Cost at the start, and its predicted decrease by a full step.
+        weighting: Noise model.
+        ladder: (n_lane,) damping parameters.
+    """
+    simulator, (at, x0), (cost, decrement) = equations.derivatives.simulator, start, expected
+    steps, moves = equations.steps(ladder, at, coordinates)
+    trial = at[:, None] + steps, [x[:, None] + move for x, move in zip(x0, moves, strict=True)]
+    costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
+    if cost - costs.min() < _STRAIGHT * decrement - _ENOUGH:
+        bent = _bent(equations, coordinates, start, trial, weighting, ladder)
+        bent_costs, bent_sized = _cost(simulator, coordinates, bent[0], bent[1], weighting)
+        if bent_costs.min() < costs.min():
+            trial, costs, sized = bent, bent_costs, bent_sized
+    if not costs.min() < cost and decrement > 1.0:
+        trial = (
+            at[:, None] + np.outer(steps[:, 0], _SHORTER),
+            [x[:, None] + np.outer(m[:, 0], _SHORTER) for x, m in zip(x0, moves, strict=True)],
+        )
+        costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
+    return trial, costs, sized
 
 
 def _bent(

@@ -94,6 +94,9 @@ def stiffness(
 ) -> float:
     """Largest spectral radius of h df/dx along the measured current and speed [-].
 
+    If the shaft stops, it is evaluated at rest as well: friction is stiffest there, but the noise
+    of the speed hides it.
+
     Args:
         model: The model.
         records: Records that drive the model; h is the longest sample interval of each.
@@ -105,6 +108,10 @@ def stiffness(
         rows = np.linspace(0, record.rows - 1, min(_SAMPLED, record.rows)).astype(int)
         points = np.repeat(state[:, None], rows.size, axis=1)
         points[:2] = record.measured[rows].T
+        if np.ptp(np.sign(record.measured[:, 1])) > 0.0:
+            still = points.copy()
+            still[1] = 0.0
+            points, rows = np.hstack([points, still]), np.tile(rows, 2)
         columns = np.repeat(values[:, None], rows.size, axis=1)
         found = np.asarray(_jacobian(model, rows.size)(points, record.inputs[rows].T, columns))
         n = state.size
