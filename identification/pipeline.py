@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -49,6 +49,7 @@ from identification.selection.long import search_long
 from identification.selection.non_identifiable import linear_parts_of, with_linear_parts
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
+from identification.selection.sharpening import sharpened
 from identification.selection.thermometer import thermometer_errors
 from identification.selection.unresolved import unresolved_transients
 from identification.speed_loop import feedback_metrics, parse_controllers, suited_controller
@@ -266,7 +267,7 @@ def _searched(
         EFFORTS[options.effort].search_of(rows),
         withheld,
     )
-    return found, outcome
+    return found, replace(outcome, fit=sharpened(outcome.fit))
 
 
 def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ...]:

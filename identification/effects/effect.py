@@ -150,6 +150,11 @@ class AbstractEffect(AbstractTerm):
         """Extended variants, tried in turn once this term has been accepted; often none."""
         return ()
 
+    @property
+    def sharper(self) -> Self:
+        """The term with its smoothing ten times narrower; the term itself if it has none."""
+        return self
+
     def flaw(self, values: Mapping[str, float]) -> str:
         """Reason why these values contradict the effect, in words; empty if they do not.
 

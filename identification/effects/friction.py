@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import casadi as ca
 
@@ -23,6 +24,9 @@ __all__ = ["CoulombFriction", "QuadraticDrag", "StribeckFriction", "ViscousTempe
 _WIDTH = 1e-3
 """Width of the smoothed sign over the speed scale.  The smoothing loses about 0.1 % of the friction
 work, less than the standard deviation of a torque estimated from 10,000 samples."""
+
+_SHARPER: Final = 0.1
+"""Ratio of the widths of a sharper sign and of this one."""
 
 _LEAST_LEFT = 0.01
 """Lower limit of 1 - f k (T - 25), the remaining fraction of the friction to the power f."""
@@ -71,6 +75,11 @@ class CoulombFriction(AbstractEffect, AbstractTorque):
         """Torque against the motion [N m]."""
         sign = smooth_sign(signals.speed, self.width)
         return -values.torque * (1 + values.asymmetry * sign) * sign
+
+    @property
+    def sharper(self) -> CoulombFriction:
+        """The term with a ten times narrower sign."""
+        return replace(self, width=_SHARPER * self.width)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
@@ -127,6 +136,11 @@ class StribeckFriction(AbstractEffect, AbstractTorque):
         size = ca.sqrt(speed * speed + self.width * self.width)
         fading = ca.exp(-ca.exp(values.exponent * ca.log(size / values.speed)))
         return -values.torque * fading * speed / size
+
+    @property
+    def sharper(self) -> StribeckFriction:
+        """The term with a ten times narrower sign."""
+        return replace(self, width=_SHARPER * self.width)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

@@ -200,6 +200,13 @@ class Simulator:
             coarse = fine
         return coarse
 
+    def finer(self, values: Array, states: Sequence[Array], deviation: Array) -> Simulator:
+        """Simulator with an eight times smaller tolerance than an accurate one has at first.
+
+        The arguments are those of `accurate`.
+        """
+        return self.with_tolerance(values, states, _LOCAL / _FINER * deviation)
+
     def differs_from(
         self, other: Simulator, values: Array, states: Sequence[Array], deviation: Array
     ) -> bool:

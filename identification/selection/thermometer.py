@@ -24,7 +24,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from identification.arrays import Array
-from identification.fit.derivatives import gradient_of
+from identification.fit.optimum_shift import optimum_shifts
 from identification.fit.solve import Fit
 from identification.linear import root, solution
 from identification.model.composite import INPUTS
@@ -54,7 +54,7 @@ def thermometer_errors(
     terms = [t for t in fit.simulator.model.terms if isinstance(t, AbstractTemperature)]
     if any(state.is_own for term in terms for state in term.states):
         return ()
-    steps = _parameter_steps(fit)
+    steps = np.hstack(optimum_shifts(fit, _deviations(fit)))
     if not np.isfinite(steps).all():
         return ()
     factor = root(fit.equations.covariance(fraction))
@@ -70,23 +70,6 @@ def thermometer_errors(
         for direction, widening in zip(directions.T, widenings, strict=True)
         if widening > policy.widening
     )
-
-
-def _parameter_steps(fit: Fit) -> Array:
-    """(n_parameter, n_record * n_order) change of the search coordinates by each error."""
-    equations, weighting = fit.equations, fit.weighting
-    deviations = _deviations(fit)
-    size = fit.position.size
-    rights = [np.zeros((size + fit.simulator.n_state, _ORDERS)) for _ in deviations]
-    for block in equations.derivatives.blocks(weighting.order):
-        k = block.record
-        deviation = deviations[k][block.samples]
-        rights[k] += gradient_of(deviation, block.tangent, weighting, k, block.start, block.lead)
-    crossed = [
-        right[:size] - equations.couplings[k].T @ solution(matrix, right[size:])
-        for k, (right, matrix) in enumerate(zip(rights, equations.state_matrices, strict=True))
-    ]
-    return np.asarray(-equations.covariance() @ np.hstack(crossed))
 
 
 def _deviations(fit: Fit) -> list[Array]:
