@@ -134,7 +134,8 @@ def _inputs_within(
         inputs: (n_input,).
         is_averaged: Whether a torque is averaged over the angle, which is then the middle one.
     """
-    column = dict(zip(INPUTS, ca.vertsplit(inputs), strict=True))
+    columns: list[Expression] = ca.vertsplit(inputs)
+    column = dict(zip(INPUTS, columns, strict=True))
     inverse = ca.if_else(column["interval"] > 0, 1 / column["interval"], 0)
     now, slope = [], []
     for name in INPUTS:
