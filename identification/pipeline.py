@@ -210,7 +210,7 @@ def _identified(
     fraction = effective_fraction(closed)
     tell("posterior", 0.55)
     chain, draws = final_draws(
-        Posterior(closed, fraction),
+        Posterior(closed, fraction, outcome.smooth if outcome else None),
         linear_parts_of(final),
         omitted,
         options,
@@ -267,7 +267,9 @@ def _searched(
         EFFORTS[options.effort].search_of(rows),
         withheld,
     )
-    return found, replace(outcome, fit=sharpened(outcome.fit))
+    sharp = sharpened(outcome.fit)
+    smooth = None if sharp is outcome.fit else outcome.fit.simulator.model
+    return found, replace(outcome, fit=sharp, smooth=smooth)
 
 
 def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ...]:

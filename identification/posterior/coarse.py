@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
+from identification.model.composite import MotorModel
 from identification.model.simulate import Simulator
 
 __all__ = ["coarser"]
@@ -27,7 +28,11 @@ _TOLERANCES: Final = (np.inf, 1.0, 0.2)
 
 
 def coarser(
-    fine: Simulator, values: Array, states: Sequence[Array], deviation: Array
+    fine: Simulator,
+    values: Array,
+    states: Sequence[Array],
+    deviation: Array,
+    smooth: MotorModel | None = None,
 ) -> Iterator[Simulator]:
     """Simulators that cost less than `fine` and have its residuals at `values`, cheapest first.
 
@@ -36,6 +41,7 @@ def coarser(
         values: (n_parameter,) physical values at the optimum.
         states: For each record (n_state,) at its first sample.
         deviation: (2,) noise of current and speed [A, rad/s].
+        smooth: The model with smoother friction, which needs fewer substeps; the same if None.
     """
     if fine.substeps is None:
         return
@@ -43,6 +49,8 @@ def coarser(
     rows = _rows(fine)
     for tolerance in _TOLERANCES:
         coarse = replace(fine, substeps=None)
+        if smooth is not None:
+            coarse = coarse.changed_to(smooth, values)
         if np.isfinite(tolerance):
             coarse = coarse.with_tolerance(values, states, tolerance * deviation)
         if _rows(coarse) > 0.8 * rows:

@@ -23,6 +23,7 @@ from identification.arrays import Array
 from identification.fit.own_states import own_cost
 from identification.fit.solve import Fit
 from identification.linear import root
+from identification.model.composite import MotorModel
 from identification.model.simulate import Simulator
 from identification.posterior.coarse import coarser
 from identification.posterior.ridge import Ridge
@@ -44,6 +45,9 @@ class Posterior:
     fraction: float
     """Effective sample fraction; below one if the residuals are heavy-tailed, or are autocorrelated
     in a way that the noise model does not describe."""
+    smooth: MotorModel | None = None
+    """The model with smoother friction, by which a coarse simulation may replace that of the fit;
+    None if the fit has no sharper one."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,7 +121,8 @@ class Posterior:
         normal = np.random.default_rng(0).standard_normal((_PROBES, factor.shape[0]))
         points = self.mirrored(np.vstack([self.centre, self.centre + normal @ factor.T]))
         exact: Array | None = None
-        for simulator in coarser(fit.simulator, fit.values, fit.states, fit.weighting.deviation):
+        deviation = fit.weighting.deviation
+        for simulator in coarser(fit.simulator, fit.values, fit.states, deviation, self.smooth):
             exact = self._density(fit.simulator, points) if exact is None else exact
             inside = np.isfinite(exact)
             fall = exact[inside] - exact[0]

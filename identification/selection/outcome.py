@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identification.fit.solve import Fit
+from identification.model.composite import MotorModel
 from identification.selection.evidence import AcceptanceCriteria
 from identification.selection.omitted import OmittedTerm
 from identification.selection.tracing import Trace
@@ -77,3 +78,5 @@ class Outcome:
     was accepted."""
     omitted: tuple[OmittedTerm, ...] = ()
     """Terms outside the final model with a predicted gain above chance."""
+    smooth: MotorModel | None = None
+    """The final model with the friction of the search, if that of `fit` is sharper."""

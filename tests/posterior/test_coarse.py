@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bench import make_campaign
 from benchmarks.coverage import run_of
 from identification.effects.electrical import BrushDrop
+from identification.effects.friction import CoulombFriction
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
+from identification.model.excitation import records_of
+from identification.model.substeps import evenly
 from identification.posterior.coarse import coarser
 from identification.posterior.density import Posterior
 from identification.selection.refit import refined, refitted_with
 from identification.selection.scales import scales_of
 from identification.selection.start import Start
+from tests.motors import campaign, motor_named
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +54,32 @@ def test_at_the_optimum_every_coarse_simulation_has_the_same_residual(fit: Fit) 
             np.testing.assert_allclose(
                 record.measured - simulated[:, :, 0], residual, atol=1e-9 * record.span.max()
             )
+
+
+def test_a_smoother_model_has_the_residual_of_the_sharp_one() -> None:
+    """Friction with a ten times wider sign replaces the sharp one in the posterior."""
+    records = records_of(campaign(motor_named("servo 100 W"), seed=4, runs=2, rows=800))
+    declared = fit_declared(records, "zoh")
+    friction = CoulombFriction(torque_size=0.1, width=1.0)
+    smooth = declared.simulator.model.adding(friction)
+    sharp = declared.simulator.model.adding(friction.sharper)
+    values = np.append(declared.values, [0.01, 0.0])
+    fine = declared.simulator.changed_to(sharp, values)
+    fine = replace(fine, substeps=evenly([800, 800], 16))
+    deviation = declared.weighting.deviation
+    expected = fine.logged(values[:, None], declared.states)
+
+    found = list(coarser(fine, values, declared.states, deviation, smooth))
+
+    assert found
+    for simulator in found:
+        assert simulator.model == smooth
+        logged = simulator.logged(values[:, None], declared.states)
+        for given, corrected, a, b in zip(
+            fine.records, simulator.records, expected, logged, strict=True
+        ):
+            residual = given.measured - a[:, :, 0]
+            np.testing.assert_allclose(corrected.measured - b[:, :, 0], residual, atol=1e-9)
 
 
 def test_the_density_falls_as_that_of_the_fine_simulation_does(fit: Fit) -> None:
