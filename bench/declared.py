@@ -128,6 +128,8 @@ def _residual(run: BenchRun, coordinates: Array, sd: tuple[float, float], is_lin
     logged = np.stack(
         [frame["current_A"].to_numpy() / sd[0], frame["speed_rad_s"].to_numpy() / sd[1]]
     )
+    if not np.isfinite(response).all():
+        return np.full(logged.shape, np.inf)
     gap = (logged - response[0]).ravel()
     free = response[1:].reshape(2, -1).T
     return np.asarray(

@@ -90,10 +90,20 @@ def refitted_without(fit: Fit, name: str, limits: TerminationLimits = _LIMITS) -
     return _refitted(fit, model, (), limits)
 
 
-def swapped(fit: Fit, old: AbstractTerm, new: AbstractEffect, limits: TerminationLimits) -> Fit:
+def swapped(
+    fit: Fit, old: AbstractTerm, new: AbstractEffect, rival: Fit, limits: TerminationLimits
+) -> Fit:
     """Fit with `new` in place of `old`, from the optimum of `fit`.
 
-    Its starting points are those of the score test without `old` at that optimum.
+    Its starting points are those of the score test without `old` at that optimum.  If `new` is no
+    candidate there, as a law that refines another one, it starts at its values in `rival`.
+
+    Args:
+        fit: Fit of the model with `old`.
+        old: The replaced term.
+        new: The term in its place.
+        rival: Another fit of the model with `new`.
+        limits: Limits of the refit.
     """
     bare = refitted_without(fit, old.name, TerminationLimits(0))
     candidates = [
@@ -102,7 +112,10 @@ def swapped(fit: Fit, old: AbstractTerm, new: AbstractEffect, limits: Terminatio
         if (candidate.final.name, candidate.final.variant) == (new.name, new.variant)
     ]
     starts = [start for score in screened(bare, candidates) for start in score.starts]
-    return refitted_with(bare, new, starts, limits)
+    known = set(bare.coordinates.names)
+    values = zip(rival.coordinates.names, rival.values, strict=True)
+    there = Start(np.array([value for name, value in values if name not in known]))
+    return refitted_with(bare, new, starts or [there], limits)
 
 
 def as_declared(fit: Fit, declared: Fit) -> Fit:

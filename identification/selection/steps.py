@@ -204,7 +204,8 @@ def settled(state: State, rival: EvaluatedModel, term: AbstractTerm) -> Evaluate
     if not is_like or not trials.is_due(rival, current):
         return rival
     steps, longest = trials.policy.steps, trials.longest
-    fit = swapped(current.fit, term, added, TerminationLimits(steps, budget=Budget(longest)))
+    limits = TerminationLimits(steps, budget=Budget(longest))
+    fit = swapped(current.fit, term, added, rival.fit, limits)
     finished = trials.finished(fit, TerminationLimits(steps, budget=Budget(longest)))
     return trials.evaluate(finished, current.fraction)
 

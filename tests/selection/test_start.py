@@ -20,7 +20,7 @@ from identification.fit.solve import TerminationLimits, solve
 from identification.model.parameter import Coordinates
 from identification.model.weighting import Weighting
 from identification.selection.policy import SelectionPolicy
-from identification.selection.refit import refitted_with
+from identification.selection.refit import refitted_as, refitted_with, swapped
 from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from identification.selection.start import Start, begun, has_odd_coefficients, traded
@@ -175,3 +175,19 @@ def test_an_inductance_returns_to_its_value_when_the_filter_is_added() -> None:
     assert np.all(fit.weighting.deviation < 1.3 * np.array(noise))
     assert fit.values[at] == pytest.approx(truth, rel=0.05)
     assert without.values[at] > 2.0 * truth
+
+
+def test_a_law_that_is_no_candidate_starts_at_its_values_in_a_rival() -> None:
+    """Two thermal bodies refine self-heating, so no score test without it proposes them."""
+    declared = fit_declared(campaign("self_heating", 8.0, seed=37).training, "zoh")
+    score = screened(declared, SelfHeating.candidates(scales_of(declared)))[0]
+    fit = refitted_with(declared, score.candidate.final, score.starts)
+    (heat,) = fit.simulator.model.terms
+    assert isinstance(heat, SelfHeating)
+    bodies = heat.richer[0]
+    rival = refitted_as(fit, bodies, TerminationLimits(3))
+
+    found = swapped(fit, heat, bodies, rival, TerminationLimits(3))
+
+    assert found.simulator.model.terms == (bodies,)
+    assert found.cost < declared.cost
