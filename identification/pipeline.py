@@ -13,7 +13,7 @@ import os
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.checks.admission import Admission, admitted
+from identification.checks.admission import Admission, admitted, suspects
 from identification.checks.values import check_values
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
@@ -49,7 +49,7 @@ from identification.selection.long import search_long
 from identification.selection.non_identifiable import linear_parts_of, with_linear_parts
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
-from identification.selection.sharpening import sharpened
+from identification.selection.sharpening import with_sharp_friction
 from identification.selection.thermometer import thermometer_errors
 from identification.selection.unresolved import unresolved_transients
 from identification.speed_loop import feedback_metrics, parse_controllers, suited_controller
@@ -133,10 +133,6 @@ class Identification(Identified):
         return state_space(self.result, temperature, draws if samples else None)
 
 
-_SUSPECT = ("opposite_signs", "unsigned_channel", "identical_channels", "constant_channel")
-"""Codes of warnings that may explain a failed calculation, the most likely first."""
-
-
 # A candidate that overflows has an infinite cost and is rejected; numpy warnings add nothing.
 @np.errstate(all="ignore")
 def identify(
@@ -173,7 +169,7 @@ def identify(
             admission = _admitted(fitted, unseen, options, withheld)
             found = _identified(admission, options, progress, checkpoint, withheld)
     except ComputationError as error:
-        raise ComputationError(f"{error}{_suspects([*fitted, *unseen])}") from error
+        raise ComputationError(f"{error}{suspects([*fitted, *unseen])}") from error
     if progress is not None:
         progress("done", 1.0)
     return found
@@ -267,9 +263,7 @@ def _searched(
         EFFORTS[options.effort].search_of(rows),
         withheld,
     )
-    sharp = sharpened(outcome.fit)
-    smooth = None if sharp is outcome.fit else outcome.fit.simulator.model
-    return found, replace(outcome, fit=sharp, smooth=smooth)
+    return found, with_sharp_friction(outcome)
 
 
 def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ...]:
@@ -345,12 +339,3 @@ def _declared(campaign: Campaign, options: FitOptions) -> Fit:
         return fit_declared(campaign.training, "zoh")
     fits = [fit_declared(campaign.training, hold) for hold in ("zoh", "foh")]
     return min(fits, key=lambda fit: fit.cost)
-
-
-def _suspects(runs: Sequence[Run]) -> str:
-    """Input warnings that may explain why there is no result; empty if there are none."""
-    found = [str(w) for code in _SUSPECT for run in runs for w in run.warnings if w.code == code]
-    if not found:
-        return ""
-    more = f" ({len(found) - 1} more such remarks)" if len(found) > 1 else ""
-    return f"; what was noticed in the runs may be why: {found[0]}{more}"

@@ -13,13 +13,15 @@ from identification.ingest.run import Run
 from identification.options import FitOptions
 from identification.warning import ResultWarning, both_ways
 
-__all__ = ["Admission", "admitted"]
+__all__ = ["Admission", "admitted", "suspects"]
 
 _FORCED: Final = (
     "do not rely on this result: it was fitted with --force (option force) although the runs "
     "contradict physics or each other: "
 )
 _ASIDE: Final = "run set aside (neither fitted nor used for validation): "
+_SUSPECT: Final = ("opposite_signs", "unsigned_channel", "identical_channels", "constant_channel")
+"""Codes of warnings that may explain a failed calculation, the most likely first."""
 
 
 @dataclass(frozen=True)
@@ -105,3 +107,12 @@ def _refusal(findings: Sequence[Finding], options: FitOptions) -> ContradictoryR
         f"{count} in the runs; {ways}, or fit them anyway with {both_ways('force')}: {text}",
         [finding.entry() for finding in findings],
     )
+
+
+def suspects(runs: Sequence[Run]) -> str:
+    """Input warnings that may explain why there is no result; empty if there are none."""
+    found = [str(w) for code in _SUSPECT for run in runs for w in run.warnings if w.code == code]
+    if not found:
+        return ""
+    more = f" ({len(found) - 1} more such remarks)" if len(found) > 1 else ""
+    return f"; what was noticed in the runs may be why: {found[0]}{more}"

@@ -131,7 +131,11 @@ def with_known_amplitudes(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:
 
     The amplitudes of a new run are then expected to be as large as those of the fitted runs.
     Without this prior, the first samples of that run would leave almost any amplitude possible.
+
+    A stiff model at the limit of its substeps can fail to be fitted again with another step plan;
+    its scale is then not changed.
     """
+    own = sum(state.is_own for term in fit.simulator.model.terms for state in term.states)
     for _ in range(_RESIZED):
         model, sizes = fit.simulator.model, amplitude_sizes(fit)
         terms = []
@@ -141,7 +145,11 @@ def with_known_amplitudes(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:
             terms.append(term.expecting(sizes[term.name]) if is_new else term)
         if tuple(terms) == model.terms:
             break
-        fit = _refitted(fit, replace(model, terms=tuple(terms)), (), limits)
+        found = _refitted(fit, replace(model, terms=tuple(terms)), (), limits)
+        # Amplitudes of the expected size cost a half each; a larger rise is another optimum.
+        if not found.cost < fit.cost + own * len(fit.states):
+            break
+        fit = found
     return fit
 
 

@@ -24,14 +24,22 @@ from identification.effects.effect import effects_of
 from identification.fit.optimum_shift import optimum_shifts
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.model.simulate import Simulator
+from identification.selection.outcome import Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.work import Budget
 
-__all__ = ["sharpened"]
+__all__ = ["sharpened", "with_sharp_friction"]
 
 _LEAST_RATIO: Final = 0.5
 """Least ratio of the standard deviations after and before; a sharper sign adds no information, so a
 smaller ratio shows sensitivities that the substeps do not resolve."""
+
+
+def with_sharp_friction(outcome: Outcome) -> Outcome:
+    """The outcome of a search with a final fit that smoothed friction does not bias."""
+    sharp = sharpened(outcome.fit)
+    smooth = None if sharp is outcome.fit else outcome.fit.simulator.model
+    return replace(outcome, fit=sharp, smooth=smooth)
 
 
 def sharpened(fit: Fit, policy: SelectionPolicy = DEFAULT) -> Fit:
