@@ -39,27 +39,23 @@ def refits_of(
 
 
 def _refit(storage: Storage, row: FitRow) -> Refit:
-    motor, kind = row.motor or _UNNAMED, row.motor_type or ""
-    ended_at = None if row.ended_at is None else moment(row.ended_at)
-    link = f"/fits/{row.id}"
-    if row.status != "succeeded":
-        error = str((row.error or {}).get("detail", ""))
-        return Refit(
-            motor, row.status, fit=row.id, ended_at=ended_at, error=error, link=link, type=kind
-        )
-    try:
-        refit = _read(storage.attempt(row.id, row.attempt))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        # The last four: malformed content of a result that has no checksum.
-        refit = Refit(motor, row.status, error=MISSING)
+    motor = row.motor or _UNNAMED
+    if row.status == "succeeded":
+        try:
+            refit = _read(storage.attempt(row.id, row.attempt))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            # The last four: malformed content of a result that has no checksum.
+            refit = Refit(motor, row.status, error=MISSING)
+    else:
+        refit = Refit(motor, row.status, error=str((row.error or {}).get("detail", "")))
     return replace(
         refit,
         motor=motor,
+        type=row.motor_type or "",
         status=row.status,
         fit=row.id,
-        ended_at=ended_at,
-        link=link,
-        type=kind,
+        ended_at=None if row.ended_at is None else moment(row.ended_at),
+        link=f"/fits/{row.id}",
     )
 
 

@@ -146,10 +146,10 @@ def checked_key(key: str | None) -> str | None:
 
 def request_hash(*requests: FitRequest) -> str:
     """Hash that identifies equal requests, whatever the order of their fields."""
-    content: list[list[Any]] = [
-        [list(r.training), list(r.validation), dict(r.options), r.motor] for r in requests
+    # The type only if given, so that requests of earlier versions keep their hash.
+    content = [
+        [list(r.training), list(r.validation), dict(r.options), r.motor]
+        + ([r.motor_type] if r.motor_type else [])
+        for r in requests
     ]
-    for each, request in zip(content, requests, strict=True):
-        # Only if given, so that requests of earlier versions keep their hash.
-        each += [request.motor_type] if request.motor_type else []
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -37,7 +37,7 @@ class Admission:
     set_aside: tuple[tuple[Run, str], ...] = ()
     """Runs excluded for a contradiction, with their roles."""
     forced: bool = False
-    """Whether the runs to fit contain contradictions."""
+    """True if the runs to fit contain contradictions."""
 
     @property
     def runs(self) -> tuple[Run, ...]:

@@ -20,7 +20,7 @@ class Finding:
     code: str
     """Stable identifier such as ``reversed_channel``."""
     severity: Severity
-    """Whether the finding blocks a fit."""
+    """True if the finding blocks a fit."""
     file: str
     """Name of the run; empty if it concerns all runs."""
     column: str | None
@@ -36,7 +36,7 @@ class Finding:
     corrections: tuple[str, ...] = ()
     """``--map`` arguments that correct the fault; empty if no mapping can."""
     separable: bool = True
-    """Whether the fault is known to be in this run, regardless of the others."""
+    """True if the fault is known to be in this run, regardless of the others."""
     remedy: str = ""
     """Action at the end of the message that removes the cause; empty if it has none."""
     option: Option | None = None

@@ -78,15 +78,15 @@ class _Judged:
     """Most negative significant term of the electrical balance, over the voltage; 0 unless there is
     one at every window length."""
     holds: bool
-    """Whether R, K and J are all positive."""
+    """True if R, K and J are all positive."""
     missed: float
     """Sum of the unexplained fractions of both balances."""
     mechanical: float
     """Unexplained fraction of the mechanical balance."""
     inertia_turned: bool
-    """Whether the inertia is significantly negative."""
+    """True if the inertia is significantly negative."""
     friction_turned: bool
-    """Whether the viscous friction is significantly negative."""
+    """True if the viscous friction is significantly negative."""
 
     @property
     def is_backwards(self) -> bool:

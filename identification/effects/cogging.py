@@ -53,7 +53,7 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
     torque_size: float
     """Torque scale [N m]."""
     logged: bool = True
-    """Whether the angle is logged, from the same zero in all runs."""
+    """True if the angle is logged, from the same zero in all runs."""
     harmonics: int = 2
     """Number of multiples h of the order."""
     angle: Literal["read", "integrated", "simulated"] = "read"

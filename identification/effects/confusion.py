@@ -32,7 +32,7 @@ class Confusion:
     title: str
     """The confounded quantities in words."""
     apart: str
-    """What tells them apart, or that nothing does."""
+    """Measurement that separates them, or the statement that none does."""
 
 
 BRUSHES: Final = Confusion(

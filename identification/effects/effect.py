@@ -60,7 +60,7 @@ class CampaignScales:
     values: Array
     """(7,) physical values of the nominal parameters in the fit."""
     angle_logged: bool
-    """Whether the shaft angle is logged; if not, it is integrated from the speed."""
+    """True if the shaft angle is logged; if not, it is integrated from the speed."""
     orders: tuple[float, ...] = ()
     """Prominent orders of the residual, in periods per revolution [-]."""
     frequencies: tuple[float, ...] = ()

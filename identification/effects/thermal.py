@@ -54,7 +54,7 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     speed_size: float = 0.0
     """Speed scale w_0; zero excludes an iron loss [rad/s]."""
     is_iron: bool = False
-    """Whether the iron loss is included."""
+    """True if the iron loss is included."""
     bodies: int = 1
     """Number of bodies: one, or two with the winding separate."""
     least: float = 0.0

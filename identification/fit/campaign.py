@@ -48,7 +48,7 @@ class Campaign:
     """For each run, training before validation, the index of the first earlier run with the same
     samples; None if there is none."""
     voltage: Voltage = "logged"
-    """Whether the records have the voltage as logged or without its noise."""
+    """Voltage of the records: as logged, or without its noise."""
 
     @property
     def sample_interval(self) -> float:

@@ -17,7 +17,7 @@ from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
 from identification.model.composite import Hold
-from identification.model.excitation import Record
+from identification.model.excitation import Record, squares_of
 from identification.model.simulate import Simulator
 from identification.warning import ResultWarning
 
@@ -76,8 +76,8 @@ def _matters(declared: Fit, smooth: Sequence[Record]) -> bool:
     values = declared.values
     simulator = Simulator.fitting(declared.simulator.model, smooth, values)
     logged = simulator.logged(values[:, None], declared.states)
-    change, residual = np.zeros(2), np.zeros(2)
-    for record, new, old in zip(smooth, logged, declared.simulated(), strict=True):
-        change += np.sum(record.weight * (new[:, :, 0] - old) ** 2, axis=0)
-        residual += np.sum(record.weight * (record.measured - old) ** 2, axis=0)
-    return bool(np.any(change > _LEAST**2 * residual))
+    before = declared.simulated()
+    changes = [new[:, :, 0] - old for new, old in zip(logged, before, strict=True)]
+    residuals = [record.measured - old for record, old in zip(smooth, before, strict=True)]
+    limit = _LEAST**2 * squares_of(smooth, residuals)
+    return bool(np.any(squares_of(smooth, changes) > limit))

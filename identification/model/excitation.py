@@ -21,7 +21,7 @@ from identification.model.logged_voltage import smooth_voltage
 from identification.model.unlogged import RAMP
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = ["Record", "records_of"]
+__all__ = ["Record", "records_of", "squares_of"]
 
 _MANY: Final = 10
 """Edges lose their weight only in records longer than this multiple of them."""
@@ -228,6 +228,13 @@ def _record(
         measured=np.column_stack([run.current[span], speed]), weight=weight,
         angle_logged=run.position is not None, duration=float(time[-1] - time[0]),
     )  # fmt: skip
+
+
+def squares_of(records: Sequence[Record], differences: Sequence[Array]) -> Array:
+    """(2,) weighted sum of the squares of differences, (n_sample, 2) of each record."""
+    parts = zip(records, differences, strict=True)
+    sums = [np.sum(record.weight * each**2, axis=0) for record, each in parts]
+    return np.asarray(np.sum(sums, axis=0))
 
 
 def _voltage_columns(voltage: Array) -> dict[str, Array]:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from identification.arrays import Array
 from identification.model.blocks import sampled, stretch
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.excitation import Record
+from identification.model.excitation import Record, squares_of
 from identification.model.history import initial_history
 from identification.model.misfit import MisfitLoop, compared
 from identification.model.scan import Effort, Scan, scan_of
@@ -212,10 +212,10 @@ class Simulator:
     ) -> bool:
         """Whether a channel differs by an RMS of more than a twentieth of the noise."""
         mine, others = (one.logged(values[:, None], states) for one in (self, other))
-        squares, counts = np.zeros(2), np.zeros(2)
-        for record, a, b in zip(self.records, mine, others, strict=True):
-            squares += np.sum(record.weight * (a - b)[:, :, 0] ** 2, axis=0)
-            counts += record.weight.sum(axis=0)
+        squares = squares_of(
+            self.records, [(a - b)[:, :, 0] for a, b in zip(mine, others, strict=True)]
+        )
+        counts = np.sum([record.weight.sum(axis=0) for record in self.records], axis=0)
         return not np.all(np.sqrt(squares / np.maximum(counts, 1.0)) < _TOTAL * deviation)
 
     def converged(self, values: Array, states: Sequence[Array]) -> Simulator:

@@ -20,6 +20,7 @@ from identification.effects.effect import AbstractForced, Candidate
 from identification.fit.derivatives import gradient_of
 from identification.fit.order_tracking import block_edges, block_products
 from identification.fit.solve import Fit
+from identification.model.excitation import squares_of
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
 from identification.model.simulate import initial_states
@@ -84,14 +85,10 @@ def _coarse(fit: Fit, substeps: int) -> Fit:
 
 def _is_within_residual(coarse: Fit) -> bool:
     """Whether the integration error of a simulation is smaller than the residual of its fit."""
-    error, left = np.zeros(2), np.zeros(2)
-    simulated = coarse.simulated()
-    for record, fitted, other in zip(
-        coarse.simulator.records, coarse.equations.logged, simulated, strict=True
-    ):
-        error += np.sum(record.weight * (other - fitted) ** 2, axis=0)
-        left += np.sum(record.weight * (record.measured - fitted) ** 2, axis=0)
-    return bool(np.all(error < left))
+    records, fitted = coarse.simulator.records, coarse.equations.logged
+    errors = [a - b for a, b in zip(coarse.simulated(), fitted, strict=True)]
+    residuals = [record.measured - b for record, b in zip(records, fitted, strict=True)]
+    return bool(np.all(squares_of(records, errors) < squares_of(records, residuals)))
 
 
 def _groups(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
