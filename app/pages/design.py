@@ -89,8 +89,16 @@ def design_page(
         tied=[effect["name"] for effect in effects if effect.get("alternatives")],
         problem=problem,
         design=shown,
+        summary=_summary(shown) if shown else [],
         widths=_widths(shown) if shown else [],
     )
+
+
+def _summary(entry: Mapping[str, Any]) -> list[str]:
+    # Lazy import: numpy would slow down every start.
+    from identification.result.numbers import with_symbols
+
+    return [with_symbols(text) for text in entry["summary"]]
 
 
 def _widths(entry: Mapping[str, Any]) -> list[tuple[str, ...]]:

@@ -26,6 +26,7 @@ def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> di
     from identification.fleet.refit import compared_with
     from identification.quantities import DECLARED_PARAMETERS
     from identification.result.attempts import figure
+    from identification.result.numbers import with_symbols
 
     oldest_first = [refit for refit in reversed(refits) if refit.estimates]
     compared = [
@@ -41,7 +42,7 @@ def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> di
     ]
     return {
         "figures": [
-            {"svg": svg, "caption": parameter.meaning.replace("degC", "°C")}
+            {"svg": svg, "caption": with_symbols(parameter.meaning)}
             for svg, parameter in zip(drawn, DECLARED_PARAMETERS.values(), strict=True)
             if svg
         ],

@@ -21,6 +21,7 @@ from identification.result.numbers import (
     signed_percent_text,
     unit_prefix,
     unit_text,
+    with_symbols,
 )
 from identification.result.report_data import ReportData, RunTraces
 from identification.result.residuals import channel_errors, channel_whiteness
@@ -230,7 +231,7 @@ def _parameter_row(
     factor, unit = unit_prefix(entry["unit"], ends)
     return ParameterRow(
         name=name,
-        meaning=known.meaning.replace("degC", "°C") if known else "",
+        meaning=with_symbols(known.meaning) if known else "",
         unit=unit_text(unit),
         value=_interval(entry, factor),
         is_identified=is_identified,

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
+from identification.result.numbers import with_symbols
+
 __all__ = ["WarningItem", "Warnings", "warning_groups"]
 
 Entry = Mapping[str, Any]
@@ -62,6 +64,6 @@ def warning_groups(result: Entry) -> list[Warnings]:
 
 def _written(text: str) -> str:
     """Text with °C, and with a capital unless it begins with a name, an option or a file."""
-    text = text.replace(" degC", " °C")
+    text = with_symbols(text)
     first = text.partition(" ")[0]
     return text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text

@@ -24,6 +24,7 @@ __all__ = [
     "unit_power",
     "unit_prefix",
     "unit_text",
+    "with_symbols",
 ]
 
 UNKNOWN = "–"
@@ -177,6 +178,11 @@ def listed(words: Sequence[str]) -> str:
 def unit_text(unit: str) -> str:
     """Typographic unit: ``kg m^2`` becomes ``kg·m²``; other units get superscripts only."""
     return _UNITS.get(unit, unit.replace("^2", "²").replace("^3", "³"))
+
+
+def with_symbols(sentence: str) -> str:
+    """Sentence with the symbols of degrees Celsius and ohms."""
+    return sentence.replace(" degC", " °C").replace(" ohm", " Ω")
 
 
 def unit_power(size: float) -> int:
