@@ -3,7 +3,8 @@
 The priors are excluded; only the curvature of the likelihood counts.  A parameter is identified if
 its standard deviation is below a third of its estimate.  A temperature coefficient, or a shape
 parameter between two bounds, is identified if its standard deviation is below half that of its
-prior.
+prior.  Where no run has a logged temperature, no temperature difference is known, so neither
+temperature coefficient of the nominal model is identified unless the user knows one of them.
 
 Known values of the user count as information unless `by_runs` is set.  A known inertia, for
 example, determines a friction that the runs give only as a ratio to it.
@@ -37,6 +38,8 @@ undetermined."""
 _ROUNDED: Final = 1e-8
 """Squared component of a parameter in a direction, below which it is rounding error."""
 
+
+_COEFFICIENTS: Final = ("alpha_Ra", "alpha_Kt")
 
 _GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
 
@@ -81,6 +84,9 @@ def precision_of(
     deviations = _data_deviations(fit, fraction, known)
     if added is not None:
         deviations = np.sqrt(deviations**2 + added)
+    coefficients = np.array([name in _COEFFICIENTS for name in fit.coordinates.names])
+    if all(record.expected is not None for record in fit.simulator.records):
+        deviations[coefficients & ~known.any(where=coefficients)] = np.inf
     slopes = fit.coordinates.slopes(fit.position)
     answer = {}
     for k, parameter in enumerate(fit.coordinates.parameters):

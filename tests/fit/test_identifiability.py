@@ -86,6 +86,23 @@ def test_runs_without_temperature_leave_the_coefficients_unidentified() -> None:
     assert any("no temperature" in warning.message for warning in campaign_.warnings)
 
 
+def test_a_hot_run_without_temperature_does_not_tell_how_the_magnet_warms() -> None:
+    """A run with more resistance and the same torque constant: how hot it was is unknown."""
+    ra, _, kt, _, inertia, friction, inductance = SERVO.values
+    runs = []
+    for seed, ratio in enumerate((1.0, 1.25)):
+        values = (ratio * ra, 0.0, kt, 0.0, inertia, friction, inductance)
+        motor = Motor("unlogged", values, SERVO.voltage, SERVO.interval)
+        runs += campaign(motor, seed=seed, noise=0.0)[:1]
+    runs = [replace(run, temperature=None) for run in runs]
+
+    known, _ = answered(runs)
+
+    assert not known["alpha_Ra"]
+    assert not known["alpha_Kt"]
+    assert known["J"]
+
+
 def test_a_motor_that_is_only_warmed_by_a_kelvin_is_at_one_temperature() -> None:
     """A rise of 1 K changes the resistance by 0.4 %, which equals its uncertainty."""
     runs = [
