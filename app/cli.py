@@ -299,14 +299,7 @@ app.command()(restore)
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Args:
-        words: Arguments after ``motorid``; default: those of the process.
-
-    Returns:
-        Exit status.
-    """
+    """Run the command line on these words or those of the process; return the exit status."""
     prepare_streams()
     came = CaughtSignals()
     try:

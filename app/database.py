@@ -178,12 +178,7 @@ class Database:
 
 
 def portions(ids: Sequence[str], most: int = _IDS_PER_QUERY) -> Iterator[Sequence[str]]:
-    """Slices of a list of ids, in order; they keep parameter counts and transactions small.
-
-    Args:
-        ids: Sequence to slice.
-        most: Length of a slice; default: as many ids as one query takes.
-    """
+    """Slices of a list of ids, in order; they keep parameter counts and transactions small."""
     for first in range(0, len(ids), most):
         yield ids[first : first + most]
 

@@ -71,8 +71,7 @@ __all__ = [
 class ServiceError(Exception):
     """Base class; each class names its `code`, a stable identifier for scripts.
 
-    Args:
-        message: What was wrong, what was expected, what to do next.
+    The message says what was wrong, what was expected and what to do next.
     """
 
     code: ClassVar[str]
@@ -131,11 +130,7 @@ class NotAcceptable(RequestRefused, code="not_acceptable"):
 
 
 class RangeOutside(RequestRefused, code="range"):
-    """Range header that asks for bytes outside the file.
-
-    Args:
-        content_range: Value of the Content-Range header, with the size of the file.
-    """
+    """Range header that asks for bytes outside the file, whose size is in `content_range`."""
 
     def __init__(self, content_range: str) -> None:
         self.content_range = content_range
@@ -158,15 +153,7 @@ class KeyReused(RequestRefused, code="idempotency_key_reused"):
 
 
 class RunRefused(RequestRefused, code="run_file"):
-    """Upload not readable as a run.
-
-    Args:
-        message: What was wrong, what was expected, what to do next.
-        reason: Error code of the reader, such as ``missing_column``.
-        file: Name of the file as given by the client.
-        row: Line number in the file, counted from 1.
-        column: Name of the column as written in the file.
-    """
+    """Upload not readable as a run; `reason` is the reader's code, such as ``missing_column``."""
 
     def __init__(
         self,

@@ -29,13 +29,7 @@ _log = logging.getLogger(__name__)
 
 
 class Housekeeper:
-    """Thread that removes expired data and writes deferred updates.
-
-    Args:
-        access: Keys, whose last uses are stored.
-        retention: Removes expired data.
-        sweep_s: Interval between removals [s].
-    """
+    """Thread that removes expired data every `sweep_s` seconds and writes deferred updates."""
 
     def __init__(self, access: AccessService, retention: Retention, sweep_s: float) -> None:
         self._access = access

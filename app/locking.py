@@ -19,11 +19,7 @@ _NAME = re.compile(r"[0-9a-f]{16}")
 
 
 class NodeLock:
-    """Lock file, held by at most one process at a time (flock).
-
-    Args:
-        file: Lock file in a subdirectory of the data directory; it contains only the identifier.
-    """
+    """Lock file, held by at most one process at a time (flock); it contains only the identifier."""
 
     def __init__(self, file: Path) -> None:
         self._file = file

@@ -56,10 +56,7 @@ Errors are RFC 9457 `application/problem+json`; `code` is a stable word for scri
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """Build the service as an ASGI application.
-
-    Args:
-        settings: Settings of the service; default: read from the environment.
+    """Build the service as an ASGI application; by default with the settings of the environment.
 
     Raises:
         OptionError: A setting is not accepted.

@@ -64,15 +64,9 @@ def known(
 def requested_once(
     database: Database, row: _Requested, add: Callable[[Session], None]
 ) -> _Requested:
-    """Store a request, unless the same request was stored before with its Idempotency-Key.
+    """Store a request, unless the same one was stored with its Idempotency-Key; return its row.
 
-    Args:
-        database: Database of the service.
-        row: Row of the request, with its key and the hash of its content.
-        add: Checks the request and stores the row with all that belongs to it.
-
-    Returns:
-        The row, or the one that was stored before.
+    `add` checks the request and stores the row with all that belongs to it.
 
     Raises:
         KeyReused: The key was used before with a different request.
@@ -106,13 +100,7 @@ def page(
 ) -> tuple[Sequence[_Stored], str | None]:
     """Page of rows, newest first, and the cursor of the next page, if any.
 
-    Args:
-        session: Database session.
-        table: Table of the rows.
-        workspace: Workspace of the caller.
-        after: Cursor of the page, or None for the first page.
-        limit: Maximum number of rows.
-        **equal: Values of columns that select rows; None selects all.
+    `after` is the cursor of the page; `equal` are values of columns, of which None selects all.
 
     Raises:
         FieldRefused: `after` is not a cursor of this service.

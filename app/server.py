@@ -62,9 +62,7 @@ class _Server(uvicorn.Server):
 def serve(settings: Settings, listening: socket.socket | None = None) -> None:
     """Serve until SIGTERM, SIGINT or SIGHUP; running fits wait for the next start.
 
-    Args:
-        settings: Settings of the service.
-        listening: Bound socket, used in place of the address and port of the settings.
+    A bound socket replaces the address and port of the settings.
 
     Raises:
         OptionError: The data directory is unusable or in use by another server, or the database

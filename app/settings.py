@@ -233,8 +233,7 @@ def load_settings(**given: object) -> Settings:
     If MOTORID_SECRETS_DIR names a directory, a file there named like a variable (such as
     ``motorid_database_url``) supplies a setting that neither an argument nor the environment gives.
 
-    Args:
-        **given: Settings by name; None means not given.
+    A setting of None counts as not given.
 
     Raises:
         OptionError: The value of a setting is not accepted; the message is one line.

@@ -47,12 +47,7 @@ _TRIED_BYTES = 1 << 16
 
 
 class Storage:
-    """Paths of one data directory, and the lock that its server holds.
-
-    Args:
-        directory: Data directory; created if missing.
-        node: Name of this machine.
-    """
+    """Paths of one data directory, created if missing, and the lock that its server holds."""
 
     def __init__(self, directory: Path, node: str) -> None:
         self.directory = directory.absolute()
@@ -252,10 +247,7 @@ class Storage:
 
 @contextmanager
 def refused_when_full(what: str) -> Iterator[None]:
-    """Convert operating system errors for a full disk into `StorageFull`.
-
-    Args:
-        what: Name of the data to be stored, for the message.
+    """Convert operating system errors for a full disk, on storing `what`, into `StorageFull`.
 
     Raises:
         StorageFull: No space is left.

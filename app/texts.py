@@ -29,12 +29,7 @@ _LONGEST = 1000
 
 
 def check_text(field: str, text: str, longest: int = _LONGEST) -> None:
-    """Reject a text that is too long or not printable.
-
-    Args:
-        field: Position in the request.
-        text: The text.
-        longest: Largest accepted length [characters].
+    """Reject a text of a field that is too long [characters] or not printable.
 
     Raises:
         FieldRefused: The text is not accepted.

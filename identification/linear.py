@@ -16,12 +16,7 @@ __all__ = ["eigenvalues", "eigh", "least_squares", "root", "solution"]
 
 
 def solution(matrix: Array, right: Array) -> Array:
-    """Solution of a square system; all NaN if it is singular or not finite.
-
-    Args:
-        matrix: (n, n).
-        right: (n,) or (n, n_column).
-    """
+    """Solution of a square system with (n,) or (n, n_column) right sides; NaN if it has none."""
     if np.isfinite(matrix).all():
         try:
             return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
@@ -33,10 +28,7 @@ def solution(matrix: Array, right: Array) -> Array:
 def least_squares(matrix: Array, right: Array, rcond: float | None = None) -> Array:
     """Minimum-norm least-squares solution; all NaN if the system is not finite.
 
-    Args:
-        matrix: (m, n).
-        right: (m,) or (m, n_column).
-        rcond: Singular values below this fraction of the largest count as zero [-].
+    Singular values below the fraction `rcond` of the largest count as zero [-].
     """
     if np.isfinite(matrix).all() and np.isfinite(right).all():
         try:
@@ -47,11 +39,7 @@ def least_squares(matrix: Array, right: Array, rcond: float | None = None) -> Ar
 
 
 def eigh(matrix: Array) -> tuple[Array, Array]:
-    """Ascending eigenvalues, and eigenvectors, of symmetric matrices; NaN if not finite.
-
-    Args:
-        matrix: (..., n, n).
-    """
+    """Ascending eigenvalues, and eigenvectors, of symmetric (..., n, n); NaN if not finite."""
     if np.isfinite(matrix).all():
         try:
             values, vectors = np.linalg.eigh(matrix)
@@ -62,11 +50,7 @@ def eigh(matrix: Array) -> tuple[Array, Array]:
 
 
 def eigenvalues(matrices: Array) -> NDArray[np.complex128]:
-    """Eigenvalues of general matrices; NaN for each matrix that is not finite.
-
-    Args:
-        matrices: (..., n, n).
-    """
+    """Eigenvalues of general (..., n, n) matrices; NaN for each matrix that is not finite."""
     finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
     values = np.linalg.eigvals(np.where(finite[..., None, None], matrices, 0.0))
     return np.asarray(np.where(finite[..., None], values, np.nan), dtype=np.complex128)
@@ -75,8 +59,7 @@ def eigenvalues(matrices: Array) -> NDArray[np.complex128]:
 def root(covariance: Array) -> Array:
     """Square root A with A A' = `covariance`, (n, n): by Cholesky, else by eigenvalues.
 
-    Args:
-        covariance: (n, n) symmetric, positive semi-definite up to rounding.
+    The covariance is positive semi-definite up to rounding.
     """
     if np.isfinite(covariance).all():
         try:

@@ -110,14 +110,7 @@ def simulation_of(
 
 
 def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorModel, Array]:
-    """The model of a result and its parameter values.
-
-    Args:
-        result: Content of a result.json.
-        declared: Whether to take the nominal model instead of the final one.
-
-    Returns:
-        The model and (n_parameter,) physical values.
+    """The final or the nominal model of a result, and its physical values (n_parameter,).
 
     Raises:
         InputError: A parameter or effect is missing or unknown.

@@ -30,11 +30,7 @@ def threads() -> int:
 
 
 def use_threads(most: int) -> None:
-    """Limit the threads of all calculations in this process from now on.
-
-    Args:
-        most: Largest number of threads; at least 1.
-    """
+    """Limit the threads, at least one, of all calculations in this process from now on."""
     global _told  # noqa: PLW0603  the limit is per process
     if most < 1:
         raise ValueError(f"most is {most}; expected at least one thread")

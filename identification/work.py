@@ -52,8 +52,7 @@ _outside = _Meter()
 def metered(is_due: Callable[[], bool] | None = None) -> Iterator[None]:
     """Meter for one identification, which starts at zero and without compiled structures.
 
-    Args:
-        is_due: Called between the steps of a stage; returns whether to stop.  Never if None.
+    `is_due` is called between the steps of a stage and returns whether to stop.
     """
     token = _meter.set(_Meter(is_due or _never))
     try:
@@ -80,14 +79,10 @@ def charge(count: float) -> None:
 
 
 def charge_once(key: Hashable, count: float) -> None:
-    """Charge the preparation of a cached object, unless it was charged before.
+    """Charge floating-point operations of preparing a cached object, unless charged before.
 
     A cached object from an earlier identification in this process is charged as well, so that the
     count is repeatable.
-
-    Args:
-        key: Identifier of the object.
-        count: Number of floating-point operations that take as long.
     """
     meter = _meter.get(_outside)
     if key not in meter.known:
@@ -119,11 +114,7 @@ class Budget:
         return self.left < 0.0 or was_interrupted()
 
     def extend(self, count: float) -> None:
-        """Move the end of this budget and of the enclosing ones.
-
-        Args:
-            count: Additional operations.
-        """
+        """Move the end of this budget and of the enclosing ones by some operations."""
         self._end += count
         if self._within is not None:
             self._within.extend(count)

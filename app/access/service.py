@@ -62,16 +62,10 @@ class AccessService:
         days: float | None = None,
         owner: bool = True,
     ) -> tuple[KeyRow, str]:
-        """Create a key.
+        """Create a key, and return it with its secret, which is not stored.
 
-        Args:
-            name: Label in the list of keys, such as the bench that will use it.
-            workspace: Workspace that the key gives access to.
-            days: Days until the key expires; None for no expiry.
-            owner: Whether the key may manage the keys of its workspace.
-
-        Returns:
-            The key, and its secret, which is not stored and cannot be shown again.
+        The name labels it in the list of keys; an owner may manage the keys of its workspace;
+        without `days` the key does not expire.
 
         Raises:
             OptionError: The name, the workspace or the number of days is not accepted.
@@ -110,11 +104,7 @@ class AccessService:
         return [key for key in keys if workspace in (None, key.workspace)]
 
     def revoke_key(self, key_id: str, workspace: str | None = None) -> None:
-        """Revoke a key and thereby end its sessions.
-
-        Args:
-            key_id: ID of the key.
-            workspace: Workspace to which the key must belong; None for any.
+        """Revoke a key, of this workspace if one is given, and thereby end its sessions.
 
         Raises:
             OptionError: There is no such key, or it is already revoked.

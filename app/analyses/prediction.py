@@ -47,13 +47,7 @@ class Prediction:
 
 
 class Predictor:
-    """Predictor of runs in child processes.
-
-    Args:
-        fork_server: Fork server whose module is `app.analyses.predictor`; its first task starts it.
-        limits: Resource limits of one process.
-        max_rows: Maximum number of samples of a run.
-    """
+    """Predictor of runs in child processes of a fork server for `app.analyses.predictor`."""
 
     def __init__(self, fork_server: ForkServer, limits: ProcessLimits, max_rows: int) -> None:
         self._fork_server = fork_server
@@ -69,14 +63,9 @@ class Predictor:
         declared: bool,
         table: BinaryIO | None = None,
     ) -> Prediction:
-        """Simulate a stored run from its inputs.
+        """Simulate a stored run from its inputs, with the nominal or the final model.
 
-        Args:
-            run: The run.
-            path: Its stored bytes.
-            result: Content of result.json.
-            declared: Whether to use the nominal model instead of the final one.
-            table: File that receives the table as CSV; None if it is not needed.
+        A table that is given receives the simulated samples as CSV.
 
         Raises:
             RunRefused: The prediction exceeds the limits, or the result does not allow it.

@@ -124,14 +124,7 @@ class AnalysisService:
         *,
         draws: int,
     ) -> LoopAnalysis:
-        """Speed loop of the motor with other controllers, at other temperatures.
-
-        Args:
-            caller: Caller of the request.
-            fit_id: ID of a succeeded fit.
-            controllers: Controllers such as ``PI:2,0.5``.
-            temperatures: Temperatures of winding and magnet [degC].
-            draws: Largest number of posterior draws.
+        """Speed loop of the motor with other controllers, at other temperatures [degC].
 
         Raises:
             NotReady: The fit has not succeeded.

@@ -33,12 +33,9 @@ _IDS: tuple[tuple[str, str, Kind], ...] = (
 
 
 def check_database(file: Path, found: Mapping[str, str], backup: Path) -> None:
-    """Check that a database is intact and refers only to the files of the backup.
+    """Check that an extracted database is intact and refers only to the files of the backup.
 
-    Args:
-        file: The database, extracted with the other files of the backup.
-        found: Name to SHA-256 of each file of the backup.
-        backup: Path of the backup, for messages.
+    `found` has the SHA-256 of each file of the backup.
 
     Raises:
         InputError: The database is damaged, not a motorid database, or inconsistent with the files.

@@ -66,11 +66,7 @@ def database_file(settings: Settings) -> Path:
 
 
 def back_up(settings: Settings, place: Path) -> Saved:
-    """Write a backup.
-
-    Args:
-        settings: Settings with the data directory.
-        place: Directory that is missing or empty, or a new file that ends with .tar.
+    """Write a backup to a directory that is missing or empty, or to a new file that ends with .tar.
 
     Raises:
         OptionError: There is no database, or the target already exists.

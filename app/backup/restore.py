@@ -30,11 +30,7 @@ _SUM = re.compile(r"([0-9a-f]{64})  (\S+)")
 
 
 def restore(settings: Settings, backup: Path) -> Saved:
-    """Create a data directory from a backup.
-
-    Args:
-        settings: Settings with the data directory, which must be missing or empty.
-        backup: Directory or .tar file written by `motorid backup`.
+    """Create the data directory, which must be missing or empty, from a backup.
 
     Raises:
         OptionError: The data directory is not empty or cannot be written.

@@ -83,14 +83,9 @@ class BatchService:
         name: str | None,
         idempotency_key: str | None,
     ) -> StoredBatch:
-        """Submit a batch.
+        """Submit a batch of one fit per motor.
 
-        Args:
-            caller: Caller of the request.
-            requests: One fit request per motor.
-            name: Display name of the batch.
-            idempotency_key: As for a fit: the same key with the same request returns
-                the same batch.
+        The same key with the same request returns the same batch, as for a fit.
 
         Raises:
             NotFound: A run is not in the caller's workspace.

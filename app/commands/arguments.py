@@ -125,10 +125,7 @@ def whole(word: object) -> int:
 
 
 def values_by_name(settings: Sequence[str]) -> dict[str, float]:
-    """Parse ``NAME=VALUE`` settings.
-
-    Args:
-        settings: Texts such as ``Ra25=0.59``.
+    """Parse ``NAME=VALUE`` settings such as ``Ra25=0.59``.
 
     Raises:
         OptionError: A text has another form, a name is unknown or repeated, or a value is not a
@@ -194,11 +191,7 @@ def mapping_of(file: Path | None, settings: Sequence[str]) -> dict[str, object] 
 
 
 def map_arguments(examples: Sequence[Mapping[str, Any]]) -> str:
-    """The ``--map`` options of mappings, each of which is a remedy, for a user to copy.
-
-    Args:
-        examples: Mappings of an `InputError`.
-    """
+    """The ``--map`` options of mappings of an `InputError`, each a remedy, for a user to copy."""
     return " or ".join(" ".join(_map_options(example)) for example in examples)
 
 

@@ -48,12 +48,9 @@ def writable_directory(directory: Path, option: str = "--out") -> Iterator[None]
 
 @contextmanager
 def writable_file(path: Path, option: str = "--out", inputs: Iterable[Path] = ()) -> Iterator[None]:
-    """Check that a file can be written, as `writable_directory` does for a directory.
+    """Check that a file can be written and is no input, as `writable_directory` does.
 
-    Args:
-        path: The file.
-        option: Name of the option in the message.
-        inputs: Files or directories that the command reads, also by another name or link.
+    Inputs are files or directories that the command reads, also by another name or link.
 
     Raises:
         OptionError: The path is a directory, cannot be written, or is an input.
@@ -97,15 +94,10 @@ def read_result(path: Path) -> dict[str, Any]:
 
 
 def draws_of(result: dict[str, Any], path: Path, most: int) -> tuple[dict[str, Array], str]:
-    """Draws of the parameters, as estimated with the final model.
+    """Draws of the parameters (n_draw,), as estimated with the final model.
 
-    Args:
-        result: Content of the result.
-        path: File that the result was read from.
-        most: Number of draws; a longer chain is thinned evenly to this length.
-
-    Returns:
-        (n_draw,) for each parameter, and a remark for the user if the draws are approximate.
+    A longer chain is thinned evenly.  The remark for the user is empty unless the draws are
+    approximate.
 
     Raises:
         InputError: The posterior cannot be read, or the result lacks a parameter.

@@ -63,16 +63,7 @@ def fit_options(
     nameplate: Sequence[str] | None = None,
     **others: Any,
 ) -> FitOptions:
-    """Fit options from command-line values, validated.
-
-    Args:
-        no_posterior: Take the intervals from the fit's covariance.
-        no_effects: Keep the nominal model as the final model.
-        temperature: Temperatures of the feedback metrics [degC]; default if empty.
-        controller: Controllers of the feedback metrics; default if empty.
-        known: Known parameter values, ``NAME=VALUE[+-SPREAD[%]]``.
-        nameplate: Nameplate data, ``KEY=VALUE,...``; several texts are joined.
-        others: Other fields of `FitOptions`, by name.
+    """Fit options from command-line values, validated; `others` are fields of `FitOptions`.
 
     Raises:
         OptionError: A value is not accepted.
@@ -226,10 +217,7 @@ def motor_of(result: Path | None, settings: Sequence[str]) -> Mapping[str, Array
 def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]:
     """Training and validation runs of a campaign in data/.
 
-    Args:
-        name: Folder of the campaign.
-        data: Folder of the campaigns; default: data/ of the working directory, then of the
-            checkout.
+    The default folder is data/ of the working directory, then of the checkout.
 
     Raises:
         OptionError: There is no such campaign.

@@ -33,15 +33,7 @@ def tune(
 ) -> None:
     """Tune or judge controllers, write the file and show it.
 
-    Args:
-        result: result.json of a fit; None with `settings`.
-        settings: ``NAME=VALUE`` of each nominal parameter, instead of a result.
-        specification: ``NAME=VALUE,...``.
-        temperatures: Numbers and ranges ``LOW:HIGH`` [degC].
-        out: JSON file to write.
-        show: Content of standard output.
-        kinds: Kinds of controllers to tune; all if empty.
-        **options: Other options of `identification.tuning.tune`, by name.
+    The motor is a result or `settings`; `options` are further ones of `identification.tuning.tune`.
 
     Raises:
         InputError: The result, an option or the output file is not accepted.

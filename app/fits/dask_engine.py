@@ -41,13 +41,7 @@ _log = logging.getLogger(__name__)
 
 
 class DaskEngine(AbstractEngine):
-    """Engine that runs jobs as tasks of a Dask cluster.
-
-    Args:
-        settings: Address of the scheduler, its certificates, maximum number of parallel fits, and
-            number of threads per fit.
-        storage: Data directory, which the workers share.
-    """
+    """Engine that runs jobs as tasks of a Dask cluster, whose workers share the data directory."""
 
     def __init__(self, settings: Settings, storage: Storage) -> None:
         _log_like_the_rest()

@@ -70,18 +70,11 @@ class AbstractEngine(abc.ABC):
 
     @abc.abstractmethod
     def threads(self, jobs: int) -> int:
-        """Number of threads that a job may use.
-
-        Args:
-            jobs: Number of jobs that run or wait, including this one.
-        """
+        """Number of threads that a job may use if so many jobs run or wait, including this one."""
 
     @abc.abstractmethod
     def start(self, job: FitJob) -> AbstractRunning:
-        """Start a job.
-
-        Args:
-            job: Job to compute; its directory exists and is empty.
+        """Start a job, whose directory exists and is empty.
 
         Raises:
             OSError: The job cannot be started now.
@@ -91,10 +84,7 @@ class AbstractEngine(abc.ABC):
 class LocalEngine(AbstractEngine):
     """Engine that computes each job in a separate process group on this machine.
 
-    Args:
-        fork_server: Fork server whose module is `app.fits.worker`.
-        most: Maximum number of parallel jobs.
-        threads: Threads per job; None divides the cores among the jobs.
+    The module of the fork server is `app.fits.worker`; without `threads` the jobs share the cores.
     """
 
     def __init__(self, fork_server: ForkServer, most: int, threads: int | None = None) -> None:
@@ -164,11 +154,7 @@ def log_tail(job: FitJob) -> str:
 
 
 def in_words(code: int) -> str:
-    """Describe how a process ended.
-
-    Args:
-        code: Exit status; a negative value is the number of the signal that ended it.
-    """
+    """Describe how a process ended; a negative code is the number of the signal that ended it."""
     if code >= 0:
         return f"exit status {code}"
     try:

@@ -36,12 +36,7 @@ _PROGRAM: Final = "import sys; from app.cli import main; sys.exit(main(sys.argv[
 
 
 def exported(directory: Path, form: str, temperatures: Sequence[float]) -> bytes:
-    """Content of an exported file.
-
-    Args:
-        directory: Outputs of a succeeded attempt.
-        form: Name of the format.
-        temperatures: Temperatures of linear models; those of the result if empty [degC].
+    """Content of a file in a format; without temperatures [degC], those of the result.
 
     Raises:
         FieldRefused: The format, a temperature or the result is not accepted.

@@ -52,13 +52,7 @@ class Claim:
 
 
 class FitQueue:
-    """Queue of fits as seen by one server.
-
-    Args:
-        database: Database of the fits.
-        storage: Data directory, which also names this place.
-        settings: Lease, pipeline and interval of the checkpoints.
-    """
+    """Queue of fits as seen by one server; the data directory also names this place."""
 
     def __init__(self, database: Database, storage: Storage, settings: Settings) -> None:
         self._database = database

@@ -133,11 +133,8 @@ def next_queued(
 ) -> FitRow | None:
     """Fit that has waited longest in the queue, or None.
 
-    Args:
-        session: Database session.
-        without: IDs of fits to skip, at most as many as a statement may have parameters.
-        lock: Whether to lock the row until the session ends and to skip rows that another
-            server has locked.
+    `without` has at most as many IDs as a statement may have parameters; `lock` locks the row and
+    skips rows that another server has locked.
     """
     query = (
         select(FitRow)
@@ -250,14 +247,10 @@ def put_back(
 
 
 def expired(session: Session, *, place: str, owner: str, now: float) -> Sequence[FitRow]:
-    """Running fits whose owner is gone.
+    """Running fits whose owner is gone, or whose lease ended before now [s since 1970].
 
-    Args:
-        session: Database session.
-        place: Name of this machine and data directory.  Only one server runs there at a time, so
-            every other owner with this name is gone.
-        owner: This server.
-        now: Current time; a lease that ends earlier has expired [s since 1970].
+    A place is a machine with a data directory.  Only one server runs there at a time, so every
+    other owner with the name of this place is gone.
     """
     query = select(FitRow).where(
         FitRow.status == "running",

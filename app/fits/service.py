@@ -62,11 +62,7 @@ class FitService:
     def create(self, caller: Caller, request: FitRequest, idempotency_key: str | None) -> StoredFit:
         """Submit a fit, which is queued and computed in the background.
 
-        Args:
-            caller: Caller of the request.
-            request: Runs and options of the fit.
-            idempotency_key: Key chosen by the caller: the same key with the same request returns
-                the same fit, however often it is sent.
+        The same key with the same request returns the same fit, however often it is sent.
 
         Raises:
             NotFound: A run is not in the caller's workspace.

@@ -52,14 +52,9 @@ class Postponed:
         self._until: dict[str, float] = {}
 
     def postpone(self, fit_id: str, *, free: int = 0) -> int:
-        """Start a delay.
+        """Start a delay; return how often the fit was postponed in a row.
 
-        Args:
-            fit_id: ID of the fit.
-            free: Number of initial postponements without a delay.
-
-        Returns:
-            Number of consecutive postponements of the fit.
+        The first `free` postponements cause no delay.
         """
         times = self._times[fit_id] = self._times.get(fit_id, 0) + 1
         doublings = min(times - 1 - free, 10)

@@ -84,10 +84,7 @@ class Listener:
 class Watcher:
     """Poller of the database for all listeners; used only in the thread of the event loop.
 
-    Args:
-        database: Database of the fits.
-        access: API keys; a listener whose key is revoked receives nothing more.
-        most_streams: Maximum number of listeners per key; 0 for no limit.
+    A listener whose key is revoked receives nothing more; 0 allows any number of streams.
     """
 
     def __init__(self, database: Database, access: AccessService, most_streams: int) -> None:
@@ -103,11 +100,7 @@ class Watcher:
 
     @contextmanager
     def listen(self, row: FitRow, key_id: str | None) -> Iterator[Listener]:
-        """Subscribe to a fit for the duration of a `with` block.
-
-        Args:
-            row: Row of the fit as just read.
-            key_id: ID of the caller's key, or None if no key is required.
+        """Subscribe to a fit, whose row was just read, for the duration of a `with` block.
 
         Raises:
             TooManyStreams: The key has the maximum number of listeners.

@@ -40,12 +40,7 @@ _NICENESS = 5
 
 
 def handle(task: dict[str, Any], answer: int) -> None:
-    """Compute a job and report its progress and outcome on the pipe.
-
-    Args:
-        task: Fields of a job.
-        answer: Write end of the pipe to the supervisor.
-    """
+    """Compute a job and report its progress and outcome on the pipe to the supervisor."""
     job = FitJob.of(task)
     _move_to(Path(job.directory))
     use_threads(job.threads)

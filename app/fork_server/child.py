@@ -70,9 +70,8 @@ def confine(limits: ProcessLimits) -> None:
 def die_with_parent(parent: int) -> None:
     """Have the kernel kill this process when its parent thread ends (Linux).
 
-    Args:
-        parent: Id of the parent process.  If it has already ended, this process exits at once,
-            because the kernel signals only later ends.
+    If the parent has already ended, this process exits at once, because the kernel signals only
+    later ends.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

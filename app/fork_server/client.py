@@ -37,12 +37,9 @@ _KILL_S = 10.0
 
 
 class ForkServer:
-    """Client of one fork server, which forks a child for each task.
+    """Client of a fork server, which forks a child for each task that `handle` of a module runs.
 
-    Args:
-        module: Module whose function `handle` runs a task.
-        others: Modules that tasks need, imported in advance.
-        temporary: Directory for temporary files.
+    `others` are modules that tasks need, imported in advance.
     """
 
     def __init__(self, module: str, *others: str, temporary: Path) -> None:
@@ -146,13 +143,7 @@ class ForkServer:
 
 
 class Task:
-    """A task that was given to the fork server.
-
-    Args:
-        fork_server: Client of the fork server.
-        token: ID of the task at the fork server.
-        incoming: Read end of the message pipe; closed at the end of the task.
-    """
+    """A task that was given to the fork server, with the read end of its pipe."""
 
     def __init__(self, fork_server: ForkServer, token: bytes, incoming: int) -> None:
         self._fork_server = fork_server

@@ -173,13 +173,7 @@ class _RequestLoop:
 
 
 def main(handle: int, module: str, *others: str) -> None:
-    """Process requests until the client has ended.
-
-    Args:
-        handle: File descriptor of the socket to the client.
-        module: Module with the function that runs a task.
-        *others: Modules that tasks need, imported in advance.
-    """
+    """Process requests on a socket until the client has ended; import the modules in advance."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     work: Handler = importlib.import_module(module).handle
     for other in others:

@@ -34,9 +34,8 @@ _UPLOADS = tuple(("POST", path) for path in UPLOAD_PATHS)
 def connection_class(request_s: float) -> type[H11Protocol]:
     """Protocol class that uvicorn instantiates for each connection.
 
-    Args:
-        request_s: Time limit for the headers of a request, from the start of the connection or the
-            end of the previous response [s].
+    The headers of a request must arrive within a time from the start of the connection or the end
+    of the previous response [s].
     """
 
     class Connection(_Connection):

@@ -21,13 +21,9 @@ __all__ = ["OpenFileResponse", "PageFiles"]
 
 
 class OpenFileResponse(FileResponse):
-    """Response that sends an open file, or the part requested by a Range header.
+    """Response that sends an open file, or the part requested by a Range header, and closes it.
 
-    Args:
-        file: The file; it is closed at the end.
-        media_type: Media type of the content.
-        filename: File name for saving; without one, the browser displays the content.
-        headers: Additional headers.
+    Without a file name the browser displays the content.
     """
 
     def __init__(

@@ -38,10 +38,7 @@ _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 class Gate:
     """Middleware that admits requests with a valid key or session and records the client.
 
-    Args:
-        app: Inner ASGI application.
-        access: Keys and sessions.
-        no_auth: Admit everyone to the default workspace.
+    With `no_auth` it admits everyone to the default workspace.
     """
 
     def __init__(self, app: ASGIApp, access: AccessService, *, no_auth: bool) -> None:

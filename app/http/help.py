@@ -23,11 +23,7 @@ _INLINE = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 
 
 class HelpPages(PageFiles):
-    """Pages of the documentation site.
-
-    Args:
-        directory: Directory that `make docs-site` has written.
-    """
+    """Pages of the documentation site, which `make docs-site` has written."""
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory=directory, html=True)
@@ -47,11 +43,7 @@ class HelpPages(PageFiles):
 
 
 def help_policy(directory: Path) -> str:
-    """Content security policy for the pages of a directory.
-
-    Args:
-        directory: Directory with HTML pages, whose inline scripts are admitted.
-    """
+    """Content security policy that admits the inline scripts of the pages of a directory."""
     scripts = {
         script
         for page in directory.rglob("*.html")

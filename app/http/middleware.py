@@ -140,9 +140,7 @@ class HostCheck(AbstractCheck):
     This prevents DNS rebinding: otherwise a page of another site could resolve its own name to this
     machine and read, in a local user's browser, the responses of a service without keys.
 
-    Args:
-        app: Inner ASGI application.
-        hosts: Accepted names without port; ``*`` accepts any.
+    The names have no port; ``*`` accepts any.
     """
 
     def __init__(self, app: ASGIApp, hosts: tuple[str, ...]) -> None:
@@ -161,10 +159,7 @@ class SizeCheck(AbstractCheck):
 
     The framework counts the bytes of bodies without Content-Length as they arrive.
 
-    Args:
-        app: Inner ASGI application.
-        limit: Default limit of a body [bytes].
-        limits: Limits of single paths [bytes].
+    The limits are in bytes, `limits` those of single paths.
     """
 
     def __init__(self, app: ASGIApp, limit: int, limits: Mapping[str, int]) -> None:

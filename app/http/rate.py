@@ -62,12 +62,7 @@ class RateLimit:
 
     This layer is inside the gate, so that it counts only authenticated calls.
 
-    Args:
-        app: Inner ASGI application.
-        rate_per_s: Calls per second and key; 0 disables the limit.
-        burst: Capacity of a bucket [calls].
-        metrics: Metrics that count the rejected calls.
-        clock: Monotonic clock [s].
+    Each key has a bucket of `burst` calls; a rate of 0 disables the limit.
     """
 
     def __init__(

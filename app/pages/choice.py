@@ -34,10 +34,7 @@ MotorFilter = Annotated[str | None, Query(max_length=200)]
 def choice_of(services: Services, caller: Caller, motor: str | None) -> dict[str, Any]:
     """View of the runs of a motor with their roles.
 
-    Args:
-        services: Components of the service.
-        caller: Caller of the request.
-        motor: Name of the motor; ``*`` for all; None for the motor of the newest run.
+    The motor ``*`` stands for all, None for that of the newest run.
     """
     if motor is None:
         newest, _ = services.runs.page(caller, after=None, limit=1, motor=None)

@@ -21,9 +21,7 @@ def comparison_view(
 ) -> dict[str, Any]:
     """Parameters, effects, errors and step responses of two fits.
 
-    Args:
-        results: Content of result.json of the first and of the second fit.
-        steps: Step responses of each fit, same controller and temperatures.
+    The step responses have the same controller and temperatures.
     """
     from identification.reporting.figures.curves import compared_steps_figure
     from identification.reporting.figures.drawn import drawn_chart

@@ -14,11 +14,9 @@ __all__ = ["history_view"]
 
 
 def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> dict[str, Any]:
-    """Plots of the parameters over the fits, and a row for each fit.
+    """Plots of the parameters over the fits of one motor, and a row for each fit.
 
-    Args:
-        refits: Succeeded fits of one motor, newest first.
-        requested_at: Time of the request of each fit by its ID, UTC, ISO 8601.
+    The refits are the newest first; the times of the requests are UTC, ISO 8601, by ID.
     """
     from identification.fleet.drift import drifts
     from identification.fleet.explanation import explanations

@@ -37,14 +37,7 @@ def help_prefix(services: Services) -> str:
 def page(
     template: str, *, status: int = 200, headers: dict[str, str] | None = None, **values: Any
 ) -> HTMLResponse:
-    """Render a template.
-
-    Args:
-        template: File name without its ending.
-        status: HTTP status.
-        headers: Additional headers.
-        **values: Variables of the template; `caller` is None and `help` empty unless given.
-    """
+    """Render a template, whose name has no ending, with these variables."""
     text = _TEMPLATES.get_template(f"{template}.html.j2").render(
         **{"caller": None, "help": "", **values}
     )

@@ -13,11 +13,9 @@ _TONES = {"critical": "bad", "warning": "fair", "note": "plain"}
 def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
     """Story, evidence, parameters, errors and step responses of a result.
 
-    A part that the result does not have, or that its values do not allow, is empty.
+    The text of the report has the figures; it is empty if it cannot be read.
 
-    Args:
-        result: Content of result.json.
-        report: Text of the report, which has the figures; empty if it cannot be read.
+    A part that the result does not have, or that its values do not allow, is empty.
     """
     # Lazy imports, here and in the other views: numpy would slow down every start.
     from identification.reporting.excerpt import report_figures

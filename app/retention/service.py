@@ -53,14 +53,7 @@ class Removed:
 
 
 class Retention:
-    """Removal of expired data from the database and the data directory.
-
-    Args:
-        database: Database of the service.
-        storage: Data directory.
-        metrics: Counters of deletions.
-        days: Age at which fits and runs expire [days]; 0 keeps them.
-    """
+    """Removal of expired data; 0 days keep them."""
 
     def __init__(self, database: Database, storage: Storage, metrics: Metrics, days: float) -> None:
         self._database = database

@@ -38,8 +38,7 @@ class RunChoice:
     def roles(self, runs: Sequence[RunRow]) -> tuple[dict[str, str], bool]:
         """Role of each run by ID, empty if unused, and whether this is only a proposal.
 
-        Args:
-            runs: Runs of one motor, newest first.
+        The runs are those of one motor, newest first.
         """
         if all(run.role is None for run in runs):
             return proposed_roles(list(reversed(runs))), True
@@ -61,9 +60,7 @@ class RunChoice:
     def by_pattern(self, runs: Sequence[RunRow], pattern: str) -> dict[str, str]:
         """Roles in which the files that match a pattern validate and all others train.
 
-        Args:
-            runs: The runs.
-            pattern: Part of the file name, or a pattern with ``*`` and ``?``.
+        The pattern is a part of the file name, or has ``*`` and ``?``.
 
         Raises:
             FieldRefused: The pattern is empty or not printable.
@@ -92,11 +89,7 @@ class RunChoice:
             return sorted(motor for motor in session.scalars(query) if motor)
 
     def prospects(self, caller: Caller, run_ids: Sequence[str]) -> dict[str, Any]:
-        """Preview of several runs: contradictions, excitation, and the precision to expect.
-
-        Args:
-            caller: Caller of the request.
-            run_ids: Training runs in the order of recording.
+        """Preview of several training runs: contradictions, excitation, and precision to expect.
 
         Raises:
             RunRefused: Examining the runs exceeds the limits.

@@ -118,10 +118,7 @@ async def receive(
 ) -> Upload:
     """Receive an upload form; a thread is occupied only during disk access.
 
-    Args:
-        request: The request, whose body is not read yet.
-        services: Components of the service.
-        accepted: Accepted fields in addition to `file`, with their maximum sizes [bytes].
+    The fields accepted besides `file` have maximum sizes [bytes].
 
     Raises:
         RequestRefused: The form is malformed, too large or too slow.
@@ -141,11 +138,6 @@ async def receive(
 
 async def _blocks(request: Request, idle_s: float, whole_s: float) -> AsyncGenerator[bytes]:
     """Body of the request in blocks of at least 256 KiB, except the last.
-
-    Args:
-        request: The upload.
-        idle_s: Maximum time without a byte [s].
-        whole_s: Maximum time for the whole body [s].
 
     Raises:
         BodyTooSlow: One of the two times is exceeded.

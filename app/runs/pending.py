@@ -48,11 +48,7 @@ class PendingRuns:
         self._quotas = quotas
 
     def add(self, caller: Caller, upload: Upload) -> PendingRow:
-        """Examine an upload and keep it, even if it cannot be read yet.
-
-        Args:
-            caller: Caller of the request.
-            upload: Received form with the optional fields `motor` and `bench`; its file is moved.
+        """Examine an upload and keep it, even if it cannot be read yet; its file is moved.
 
         Raises:
             RunRefused: Examining the file exceeds the limits.

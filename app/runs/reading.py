@@ -38,13 +38,7 @@ _START_S = 60.0
 
 
 class RunReader:
-    """Reader that parses runs in child processes.
-
-    Args:
-        fork_server: Fork server whose module is `app.runs.parser`.
-        limits: Resource limits of one parser process.
-        max_rows: Maximum number of samples of a run.
-    """
+    """Reader that parses runs in child processes of a fork server for `app.runs.parser`."""
 
     def __init__(self, fork_server: ForkServer, limits: ProcessLimits, max_rows: int) -> None:
         self._fork_server = fork_server
@@ -77,12 +71,7 @@ class RunReader:
     ) -> dict[str, Any]:
         """Examine a run file for a user who corrects the mapping.
 
-        Args:
-            path: The file.
-            name: Its name in messages.
-            mapping: Mapping of the channels, or None.
-            is_of_bench: Whether the mapping belongs to the bench of the file; an entry whose
-                column the file lacks is then omitted.
+        An entry of the mapping of a bench whose column the file lacks is omitted.
 
         Returns:
             The mapping used, columns, suggested column of each channel, preview, summary (None if
@@ -98,9 +87,6 @@ class RunReader:
         self, files: Sequence[tuple[Path, str, Mapping[str, Any] | None]]
     ) -> dict[str, Any]:
         """Preview of several runs of one motor, with the precision that a fit of them can reach.
-
-        Args:
-            files: Path, name and mapping of each run.
 
         Raises:
             RunRefused: Examining the files exceeds the limits.
@@ -164,12 +150,7 @@ class RunReader:
 
 
 class ReadingQueue:
-    """Limiter of the uploads parsed in parallel and waiting; used by one event loop.
-
-    Args:
-        readers: Number of uploads parsed in parallel.
-        most_waiting: Maximum number of further uploads that wait.
-    """
+    """Limiter of the uploads parsed in parallel and waiting; used by one event loop."""
 
     def __init__(self, readers: int, most_waiting: int) -> None:
         self._limiter = CapacityLimiter(readers)

@@ -37,13 +37,9 @@ class MeasuredRun(Protocol):
 
 
 def proposed_roles(runs: Sequence[MeasuredRun]) -> dict[str, str]:
-    """Role of each run: by its file name, or else the least extreme run validates.
+    """Role of each run by ID: by its file name, or else the least extreme run validates.
 
-    Args:
-        runs: Runs of one motor in the order of recording.
-
-    Returns:
-        Role by the ID of the run.
+    The runs are those of one motor in the order of recording.
     """
     named = {run.id for run in runs if _VALIDATION.search(run.file)}
     if not named or len(named) == len(runs):

@@ -53,14 +53,10 @@ class RunService:
         self._metrics = metrics
 
     def store(self, caller: Caller, upload: Upload) -> tuple[RunRow, bool]:
-        """Parse an upload and store it as a run.
+        """Parse an upload and store it as a run, and return whether it is new.
 
-        Args:
-            caller: Caller of the request.
-            upload: Received form; its file is moved if it becomes a run.
-
-        Returns:
-            The run, and whether it is new: the same bytes with the same mapping are the same run.
+        The same bytes with the same mapping are the same run.  The file of the upload is moved if
+        it becomes a run.
 
         Raises:
             RunRefused: The file is not a valid run.

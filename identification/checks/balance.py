@@ -82,11 +82,7 @@ def signals_of(run: Run) -> Signals:
 
 
 def has_signal(signal: Array) -> bool:
-    """Whether means over 16 samples scatter more than those of white noise.
-
-    Args:
-        signal: (n_sample,) any unit.
-    """
+    """Whether means over 16 samples of a signal (n_sample,) scatter more than white noise's."""
     count = signal.size // _NOISE_WINDOW
     if count < _FEWEST_WINDOWS // 3:
         return True
@@ -119,12 +115,7 @@ def mean_square(signal: Array) -> float:
 
 
 def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
-    """Least squares of a target with an intercept; None if the regressors are collinear.
-
-    Args:
-        target: (n,) any unit.
-        regressors: Each (n,).
-    """
+    """Least squares of (n,) values on (n,) regressors and a constant; None if collinear."""
     matrix = np.column_stack(regressors)
     matrix = matrix - matrix.mean(axis=0)
     target = target - target.mean()

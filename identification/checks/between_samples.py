@@ -49,12 +49,7 @@ _FEWEST: Final = 40
 
 
 def aliased_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Finding for a voltage that changes between samples of a motor that settles between them.
-
-    Args:
-        run: The run.
-        signals: Its signals.
-    """
+    """Finding for a voltage that changes between samples of a motor that settles between them."""
     pairs = np.flatnonzero(signals.joined)
     if pairs.size < _FEWEST:
         return []

@@ -46,11 +46,7 @@ class Verdict:
 
 
 def check_runs(runs: Sequence[Run]) -> Verdict:
-    """Check runs of one motor against physics and against each other.
-
-    Args:
-        runs: All runs, training and validation.
-    """
+    """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     single = [_single(run, strongest) for run in runs]
     # A channel that is constant in all runs has no sensor; it is not fitted, and a warning says so.

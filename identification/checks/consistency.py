@@ -103,11 +103,7 @@ class Estimate:
 
 
 def estimate_of(run: Run) -> Estimate | None:
-    """Coefficients of a run; None if it is too short or its signals are constant.
-
-    Args:
-        run: The run.
-    """
+    """Coefficients of a run; None if it is too short or its signals are constant."""
     balances = balances_of(signals_of(run))
     fits = [
         (e, m, b.voltage.size)
@@ -141,11 +137,7 @@ def _relative(error: float, value: float) -> float:
 
 
 def consistency_findings(estimates: Sequence[Estimate]) -> list[Finding]:
-    """Findings for runs whose coefficients contradict those of the others.
-
-    Args:
-        estimates: Estimates of all runs whose signs are correct.
-    """
+    """Findings for runs, all with correct signs, whose coefficients contradict the others."""
     sound = [e for e in estimates if e.is_sound]
     if len(sound) < 2:
         return []

@@ -14,13 +14,7 @@ __all__ = ["exchange", "factor", "left_out", "other_unit"]
 
 
 def factor(run: Run, channel: str, number: float) -> str:
-    """Mapping of a channel multiplied by a number.
-
-    Args:
-        run: The faulty run.
-        channel: Canonical name.
-        number: Factor on the values.
-    """
+    """Mapping of a channel, by its canonical name, multiplied by a number."""
     channel = _logged(run, channel)
     source = _source(run, channel)
     words = f"{source.header} * {_number(source.scale * number)}"
@@ -34,13 +28,7 @@ def factor(run: Run, channel: str, number: float) -> str:
 
 
 def exchange(run: Run, first: str, second: str) -> tuple[str, ...]:
-    """Mappings of two channels to each other's column, in SI units; none for a derived channel.
-
-    Args:
-        run: The faulty run.
-        first: Canonical name.
-        second: Canonical name.
-    """
+    """Mappings of two channels to each other's column, in SI units; none for a derived channel."""
     if any(_logged(run, channel) != channel for channel in (first, second)):
         return ()
     return _as_si(run, first, second), _as_si(run, second, first)

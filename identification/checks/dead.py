@@ -38,12 +38,7 @@ _NAMES: Final = {"voltage_V": "voltage", "current_A": "current", "speed_rad_s": 
 
 
 def copied_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Findings for channels with the samples of another one, sign ignored.
-
-    Args:
-        run: The run.
-        signals: Its signals.
-    """
+    """Findings for channels with the samples of another one, sign ignored."""
     found = []
     names = list(_NAMES)
     for at, first in enumerate(names):
@@ -66,12 +61,7 @@ def copied_findings(run: Run, signals: Signals) -> list[Finding]:
 
 
 def dead_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Findings for current or speed sensors that do not respond to the drive.
-
-    Args:
-        run: The run.
-        signals: Its signals.
-    """
+    """Findings for current or speed sensors that do not respond to the drive."""
     balances = balances_of(signals)
     if np.ptp(signals.voltage) == 0.0:
         return []
@@ -156,12 +146,7 @@ def _needed(balances: list[Balance], channel: str) -> float:
 
 
 def stuck_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Findings for sensors that hold one value while the motor continues to move.
-
-    Args:
-        run: The run.
-        signals: Its signals.
-    """
+    """Findings for sensors that hold one value while the motor continues to move."""
     found = []
     for column in ("current_A", "speed_rad_s"):
         start, stop, usual = _longest_stay(getattr(signals, _NAMES[column]))

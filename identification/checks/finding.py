@@ -47,12 +47,7 @@ class Finding:
         return str(self.warning())
 
     def warning(self, lead: str = "", severity: WarningSeverity = "warning") -> ResultWarning:
-        """The finding as a warning of the result.
-
-        Args:
-            lead: Words before the location.
-            severity: Consequence for the result.
-        """
+        """The finding as a warning of the result; `lead` stands before the location."""
         location = ", column ".join(word for word in (self.file, self.column) if word)
         text = f"{location}: {self.message}" if location else self.message
         text += f" ({self.statistic} {self.value:.3g}, limit {self.limit:.3g})"

@@ -38,11 +38,7 @@ _COPPERS: Final = (0.0035, 0.00415)
 
 
 def jump_findings(run: Run) -> list[Finding]:
-    """Findings for temperature jumps that no thermometer can follow.
-
-    Args:
-        run: The run.
-    """
+    """Findings for temperature jumps that no thermometer can follow."""
     if run.temperature is None:
         return []
     step = np.abs(np.diff(run.temperature))
@@ -73,10 +69,7 @@ def jump_findings(run: Run) -> list[Finding]:
 def heat_findings(estimates: Sequence[Estimate]) -> list[Finding]:
     """Findings for runs whose logged temperature contradicts their resistance.
 
-    The resistance at 25 degC of the other runs is the reference.
-
-    Args:
-        estimates: Estimates of runs that agree in all else.
+    The resistance at 25 degC of the other runs, which agree in all else, is the reference.
     """
     sound = [e for e in estimates if e.is_sound and e.is_long and e.run.temperature is not None]
     if len(sound) < _FEWEST:

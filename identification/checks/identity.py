@@ -95,12 +95,7 @@ class _Judged:
 
 
 def identity_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Finding for a wrong sign or a wrong column in a run, if there is one.
-
-    Args:
-        run: The run.
-        signals: Its signals.
-    """
+    """Finding for a wrong sign or a wrong column in a run, if there is one."""
     as_logged = _judged(balances_of(signals))
     if as_logged is None:
         return []

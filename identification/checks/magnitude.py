@@ -29,12 +29,7 @@ _STANDSTILL: Final = 0.05
 
 
 def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Findings for channels of a run that hold magnitudes.
-
-    Args:
-        run: The run.
-        signals: Its signals.
-    """
+    """Findings for channels of a run that hold magnitudes."""
     if not reverses(signals.voltage):
         return []
     unsigned = [

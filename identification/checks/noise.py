@@ -40,12 +40,7 @@ _UNEXPLAINED: Final = 0.6
 
 
 def is_noise(signals: Signals, channel: str) -> bool:
-    """Whether a channel is constant, or white and independent of the other two.
-
-    Args:
-        signals: Signals of a run.
-        channel: ``voltage``, ``current`` or ``speed``.
-    """
+    """Whether a channel is constant, or white and independent of the other two."""
     target = getattr(signals, channel)
     if np.ptp(target) == 0.0:
         return True
@@ -57,10 +52,6 @@ def noise_probability(signals: Signals, channel: str) -> float:
     """Probability that noise is explained as well as a channel is by the other two; 1 if unknown.
 
     The regressors are the other channels at the previous, the same and the next sample.
-
-    Args:
-        signals: Signals of a run.
-        channel: ``voltage``, ``current`` or ``speed``.
     """
     others = [getattr(signals, n) for n in ("voltage", "current", "speed") if n != channel]
     regressors = [shifted for other in others for shifted in (other[:-2], other[1:-1], other[2:])]
@@ -76,10 +67,6 @@ def unlogged_voltage_findings(run: Run, signals: Signals) -> list[Finding]:
     """Suspicion that a voltage was not logged: the motor does not run at the constant voltage.
 
     At a constant voltage v, current and speed obey K w = v - R i - L di/dt.
-
-    Args:
-        run: The run.
-        signals: Its signals.
     """
     speed = signals.speed
     if speed.size < _FEWEST or _autocorrelation(speed) < _SMOOTH:

@@ -30,12 +30,7 @@ _SHORT: Final = 0.15
 
 
 def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) -> list[Finding]:
-    """Suspicions about all runs together.
-
-    Args:
-        runs: All runs.
-        estimates: Estimates of runs whose balances hold.
-    """
+    """Suspicions about all runs together, from the estimates of those whose balances hold."""
     sound = [e for e in estimates if e.is_sound and e.inertia > 0.0]
     found = _short(runs)
     if not sound:

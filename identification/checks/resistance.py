@@ -34,10 +34,8 @@ def resistance_findings(
 ) -> list[Finding]:
     """Suspicion about a resistance that does not rise with temperature as copper does.
 
-    Args:
-        values: Identified parameters by name [their units].
-        deviations: Their standard deviations.
-        trusted: Whether each is determined; values given by the user are not checked.
+    The values and deviations are those of the fit; parameters that are not trusted, because they
+    are not determined or given by the user, are not checked.
     """
     name = "alpha_Ra"
     value, spread = values[name], _SPREADS * deviations[name]

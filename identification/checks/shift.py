@@ -30,12 +30,7 @@ _NAMES: Final = {"voltage_V": "voltage", "current_A": "current", "speed_rad_s": 
 
 
 def shifted_findings(run: Run, signals: Signals) -> list[Finding]:
-    """Finding for a channel that is shifted in time against the others.
-
-    Args:
-        run: The run.
-        signals: Its signals.
-    """
+    """Finding for a channel that is shifted in time against the others."""
     length = max(_SHORTEST_WINDOW, signals.time.size // _WINDOWS)
     count = (signals.time.size - 1) // length
     if count < _FEWEST_WINDOWS or not signals.joined.all():

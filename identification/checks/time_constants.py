@@ -44,9 +44,8 @@ def time_constant_findings(
 ) -> list[Finding]:
     """Suspicions about time constants that motors of this size do not have.
 
-    Args:
-        values: Identified parameters by name [their units].
-        trusted: Whether each is determined; J and L given by the user are not checked.
+    Parameters that are not trusted, because they are not determined or given by the user, are not
+    checked.
     """
     resistance, constant = values["Ra25"], values["Kt25"]
     if not (resistance > 0.0 and constant > 0.0 and trusted["Ra25"] and trusted["Kt25"]):

@@ -42,12 +42,7 @@ __all__ = ["Separation", "information_bits", "narrowed", "separation"]
 
 
 def narrowed(covariance: Array, information: Array) -> Array:
-    """Covariance after a run, (n, n).
-
-    Args:
-        covariance: (n, n) before the run.
-        information: (n, n) Fisher information of the run.
-    """
+    """Covariance (n, n) after a run, from that before it and the run's Fisher information."""
     half = root(covariance)
     values, vectors = eigh(np.eye(half.shape[0]) + half.T @ information @ half)
     rotated = half @ vectors
@@ -78,12 +73,7 @@ class Separation:
 
 
 def separation(responses: Sequence[Response], probability: Sequence[float]) -> Separation:
-    """Expected separation of models.
-
-    Args:
-        responses: Readings of each model over the same run.
-        probability: Probability of each model before the run [-].
-    """
+    """Expected separation of models over a run, from their probabilities before it [-]."""
     p = np.asarray(probability, dtype=np.float64)
     means, covariances = _reduced(responses)
     count = len(means)

@@ -103,11 +103,8 @@ def peaks(
 ) -> Mapping[str, float]:
     """Largest current, speed and distance of the shaft in any draw of any model.
 
-    Args:
-        predictors: Simulation with each model.
-        draws: Physical values (n_parameter, n_draw) of each model.
-        voltage: (n_sample,) [V].
-        temperatures: Temperatures of the run that have to be considered [degC].
+    The draws are physical values (n_parameter, n_draw), the voltage is (n_sample,) [V]; the
+    temperatures [degC] are those that the run can have.
     """
     found = {"current": 0.0, "speed": 0.0, "position": 0.0}
     for predictor, values in zip(predictors, draws, strict=True):
@@ -129,17 +126,10 @@ def within(
     temperature: float,
     limits: Limits,
 ) -> Array | None:
-    """Voltage of a normalised profile, scaled until every draw of every model holds the limits.
+    """Voltage (n_sample,) [V] at which all draws of all models hold the limits; None if none does.
 
-    Args:
-        predictors: Simulation with each model.
-        draws: Physical values (n_parameter, n_draw) of each model.
-        shape: (n_sample,) normalised voltage [-].
-        temperature: Temperature of the run [degC].
-        limits: The limits.
-
-    Returns:
-        (n_sample,) [V]; None if no amplitude is found.
+    The shape (n_sample,) is scaled; the draws are physical values (n_parameter, n_draw), the
+    temperature is in degC.
     """
     amplitude, allowed = limits.voltage, asdict(limits)
     for _ in range(_ROUNDS):

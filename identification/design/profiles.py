@@ -66,13 +66,10 @@ class Profile:
 def library(
     duration: float, fast: float, slow: float, rng: np.random.Generator
 ) -> Iterable[Profile]:
-    """Candidate profiles for a run.
+    """Candidate profiles for a run of a duration [s].
 
-    Args:
-        duration: Duration of the run [s].
-        fast: Shortest time constant of the motor that the sampling resolves [s].
-        slow: Longest time constant [s].
-        rng: Source of random levels and phases.
+    `fast` is the shortest time constant of the motor that the sampling resolves, `slow` the longest
+    [s].
     """
     up = np.linspace(0.0, 1.0, 6)
     down = np.linspace(1.0, -1.0, 11)

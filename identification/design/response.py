@@ -99,22 +99,15 @@ class Predictor:
     def states(self, voltage: Array, temperature: float, values: Array) -> Array:
         """Current and speed of the motor itself, (n_sample, 2, n_lane) [A, rad/s].
 
-        Args:
-            voltage: (n_sample,) [V].
-            temperature: Temperature of the run [degC].
-            values: (n_parameter, n_lane) physical values.
+        The voltage is (n_sample,) [V], the temperature in degC, the values are physical,
+        (n_parameter, n_lane).
         """
         simulator = self._over(voltage, temperature)
         start = initial_states(self.model.model, simulator.records[0])
         return simulator.states(values, [start])[0][:, :2, :]
 
     def response(self, voltage: Array, temperature: float) -> Response:
-        """Readings and sensitivities at the estimate.
-
-        Args:
-            voltage: (n_sample,) [V].
-            temperature: Temperature of the run [degC].
-        """
+        """Readings and sensitivities at the estimate, for (n_sample,) [V] and [degC]."""
         one = self.model
         simulator = self._over(voltage, temperature)
         start = initial_states(one.model, simulator.records[0])

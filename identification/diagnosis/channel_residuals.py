@@ -156,13 +156,7 @@ def residuals_of_training(simulated: Sequence[Simulated]) -> list[ChannelResidua
 def residuals_of_validation(
     fit: Fit, simulated: Sequence[Simulated], noise: Array
 ) -> list[ChannelResiduals]:
-    """Residuals of current and speed over the validation records; empty without records.
-
-    Args:
-        fit: The fit.
-        simulated: Validation records, simulated with the fit.
-        noise: (2,) noise of both channels [A, rad/s].
-    """
+    """Residuals of the simulated validation records [A, rad/s]; empty without records."""
     if not simulated:
         return []
     records = [one.record for one in simulated]

@@ -105,14 +105,7 @@ class Detection:
 def detect(
     fit: Fit, fitted: Sequence[Simulated], unseen: Sequence[Simulated], noise: Array
 ) -> Detection:
-    """Apply all residual tests to a fitted model.
-
-    Args:
-        fit: The fit.
-        fitted: Training records, simulated with the fit.
-        unseen: Validation records, simulated with the fit.
-        noise: (2,) noise of current and speed from `localise` [A, rad/s].
-    """
+    """Apply all residual tests to a fit and its simulated records, with (2,) noise [A, rad/s]."""
     floor = np.asarray(noise, dtype=np.float64)
     training = residuals_of_training(fitted)
     validation = residuals_of_validation(fit, unseen, floor)

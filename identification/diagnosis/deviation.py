@@ -156,9 +156,8 @@ class Deviation:
 def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:
     """Linearise a simulation in states, disturbances and parameters (search coordinates).
 
-    Args:
-        fit: The fit.
-        position: (n_parameter,) search coordinates of the simulation; those of the fit if None.
+    `position` (n_parameter,) holds the search coordinates of the simulation; those of the fit if
+    None.
     """
     if position is not None:
         simulator = fit.simulator.changed_to(fit.simulator.model, fit.coordinates.values(position))

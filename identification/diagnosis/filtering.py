@@ -222,12 +222,9 @@ def _filter_step(structure: Structure) -> ca.Function:
 
 
 def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> Likelihood:
-    """Log likelihood of candidates with the parameters integrated out.
+    """Log likelihood of hyperparameters (n_hyper, n_lane) with the parameters integrated out.
 
-    Args:
-        deviation: The linear model.
-        pieces: Records or segments of them, treated as independent.
-        hyper: (n_hyper, n_lane) in the order of `HYPER`.
+    The pieces, records or segments of them, are treated as independent.
     """
     structure = deviation.structure
     symbols, columns = Symbols(structure), 1 + structure.tangents

@@ -97,11 +97,9 @@ def hyper_of(points: Array) -> Array:
 
 
 def p_value_of(gain: float, longest: float) -> float:
-    """Probability of at least this gain for a complete model.
+    """Probability of at least this gain over zero intensity for a complete model.
 
-    Args:
-        gain: Gain of the log likelihood over zero intensity.
-        longest: Longest correlation time that was tried [samples].
+    `longest` is the longest correlation time that was tried [samples].
     """
     if gain <= 0.0:
         return 1.0

@@ -134,11 +134,7 @@ class Localisation:
 
 
 def localise(fit: Fit) -> Localisation:
-    """Find the deficient equation of a fitted model, and the missing term over time.
-
-    Args:
-        fit: The fitted model with its training records; it may contain effects.
-    """
+    """Find the deficient equation of a fitted model, with effects or not, and the missing term."""
     deviation = deviation_of(fit)
     coarse = _segments(deviation.pieces, _COARSE)
     both = maximum_likelihood(deviation, coarse, (True, True))

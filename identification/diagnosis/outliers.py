@@ -58,12 +58,7 @@ _CHANNELS: Final = (("current_A", "A"), ("speed_rad_s", "rad/s"))
 
 
 def outlying_run_warnings(simulated: Sequence[Simulated], noise: Array) -> list[ResultWarning]:
-    """Warnings for runs whose error is far larger than that of the others.
-
-    Args:
-        simulated: Training records with their simulation.
-        noise: (2,) noise of current and speed [A, rad/s].
-    """
+    """Warnings for training runs whose error is far larger than that of the others."""
     names = list(dict.fromkeys(s.record.name for s in simulated))
     reasons: dict[str, list[str]] = {}
     for channel, word in enumerate(("current", "speed")):
@@ -83,12 +78,7 @@ def outlying_run_warnings(simulated: Sequence[Simulated], noise: Array) -> list[
 
 
 def noise_without_outlying_runs(simulated: Sequence[Simulated], noise: Array) -> Array:
-    """(2,) noise of current and speed without the excess error of outlying runs [A, rad/s].
-
-    Args:
-        simulated: Training records with their simulation.
-        noise: (2,) noise estimated from the residuals of all runs.
-    """
+    """(2,) noise of current and speed without the excess error of outlying runs [A, rad/s]."""
     found = noise.copy()
     for channel in range(2):
         errors = _errors(simulated, channel)
@@ -165,11 +155,8 @@ def with_outliers_weighted(
 ) -> list[Piece] | None:
     """The pieces with outliers down-weighted; None if the noise is normal.
 
-    Args:
-        deviation: The linear model.
-        pieces: Segments of its records.
-        hyper: (n_hyper, 1) hyperparameters, see `HYPER`.
-        known: Posterior of the parameters under them.
+    `hyper` (n_hyper, 1) holds the hyperparameters, see `HYPER`, `known` the posterior of the
+    parameters under them.
     """
     residuals = auxiliary_residuals(deviation, pieces, hyper, known)
     weights = [piece.weight.copy() for piece in pieces]

@@ -207,16 +207,7 @@ def _quantile(level: float) -> float:
 
 
 def lagged_products(run: Array, signal: Array, max_lag: int) -> Array:
-    """sum_t e(t) u(t-k) for k from -max_lag to max_lag; zero if the lag exceeds the run.
-
-    Args:
-        run: (n_sample,) e.
-        signal: (n_sample,) u.
-        max_lag: Last lag [samples].
-
-    Returns:
-        (2 max_lag + 1,) products.
-    """
+    """sum_t e(t) u(t-k), (2 max_lag + 1,), for k from -max_lag to max_lag; zero beyond the run."""
     length = fft.next_fast_len(run.size + max_lag, real=True)
     spectrum = fft.rfft(run, length) * np.conj(fft.rfft(signal, length))
     circular = fft.irfft(spectrum, length)

@@ -83,10 +83,8 @@ def smoothed_disturbances(
 ) -> list[MissingSignals]:
     """Smoothed missing voltage and torque of all records.
 
-    Args:
-        deviation: The linear model.
-        hyper: (n_hyper, 1) hyperparameters, see `HYPER`.
-        known: Posterior of the parameters under them.
+    `hyper` (n_hyper, 1) holds the hyperparameters, see `HYPER`, `known` the posterior of the
+    parameters under them.
     """
 
     def smoothed(out: Array) -> Array:

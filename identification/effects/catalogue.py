@@ -54,10 +54,6 @@ def confusions() -> tuple[Confusion, ...]:
 
 
 def confusions_of(names: Sequence[str]) -> list[Confusion]:
-    """Confusions of one of the effects in `names`.
-
-    Args:
-        names: Names of effects; those outside the catalogue have no confusions.
-    """
+    """Confusions of one of these effects; names outside the catalogue have none."""
     declared = {c for name in names if name in CATALOGUE for c in CATALOGUE[name].confusions}
     return [confusion for confusion in confusions() if confusion in declared]

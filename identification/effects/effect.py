@@ -119,11 +119,7 @@ class AbstractEffect(AbstractTerm):
     @classmethod
     @abstractmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """Prototypes for a campaign; empty if its runs cannot reveal the effect.
-
-        Args:
-            scales: Natural scales of the campaign.
-        """
+        """Prototypes for a campaign; empty if its runs cannot reveal the effect."""
 
     @property
     def variant(self) -> str:
@@ -156,11 +152,7 @@ class AbstractEffect(AbstractTerm):
         return self
 
     def flaw(self, values: Mapping[str, float]) -> str:
-        """Reason why these values contradict the effect, in words; empty if they do not.
-
-        Args:
-            values: Parameters of the term by name.
-        """
+        """Reason why parameters by name contradict the effect, in words; else empty."""
         return ""
 
     def expecting(self, size: float) -> Self:
@@ -209,16 +201,10 @@ class AbstractForced(AbstractEffect):
 
     @abstractmethod
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
-        """Torque [N m] or voltage [V] along a trajectory.
+        """Torque [N m] or voltage [V] along a trajectory, (n_sample, n_start).
 
-        Args:
-            record: The record.
-            current: (n_sample,) [A].
-            speed: (n_sample,) [rad/s].
-            starts: (n_parameter, n_start) values of the parameters.
-
-        Returns:
-            (n_sample, n_start).
+        Current [A] and speed [rad/s] are (n_sample,), `starts` holds (n_parameter, n_start) values
+        of the parameters.
         """
 
 
@@ -306,9 +292,6 @@ REGISTERED: dict[str, type[AbstractEffect]] = {}
 
 def register(effect: Effect) -> Effect:
     """Add an effect to the catalogue, as the decorator of its class.
-
-    Args:
-        effect: The class.
 
     Raises:
         ValueError: Another class has the name.

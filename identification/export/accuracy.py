@@ -29,10 +29,8 @@ _TEMPERATURE: Final = INPUTS.index("temperature")
 def design_stiffness(model: MotorModel, values: Array, span: Array) -> float:
     """Largest spectral radius of df/dx over the signals of the training runs [1/s].
 
-    Args:
-        model: The model.
-        values: (n_parameter,) physical.
-        span: (2,) range of current and speed [A, rad/s].
+    The values are physical, (n_parameter,); `span` (2,) is the range of current and speed [A,
+    rad/s].
     """
     x, u, p = model.symbols()
     jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)])

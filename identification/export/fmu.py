@@ -63,13 +63,7 @@ class _Variable:
 
 
 def fmu(motor: Exported, header: list[str], fmi: Fmi) -> tuple[bytes, tuple[str, ...]]:
-    """Archive of the FMU, and remarks about what it lacks.
-
-    Args:
-        motor: The model.
-        header: Lines about the motor.
-        fmi: Major version of the standard.
-    """
+    """Archive of the FMU for a major version of the standard, and remarks about what it lacks."""
     variables = list(_variables(motor))
     code = c_code(motor, header)
     token = hashlib.sha256(f"{fmi}{code}".encode()).hexdigest()[:32]

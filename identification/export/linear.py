@@ -41,28 +41,18 @@ def best_values(result: Mapping[str, Any]) -> dict[str, float]:
 
 
 def polynomials(values: Mapping[str, Array | float], temperature: float) -> tuple[Array, Array]:
-    """Transfer functions from voltage to speed.
+    """Transfer functions from voltage to speed at a temperature [degC].
 
-    Args:
-        values: (n_draw,) or a number for each nominal parameter.
-        temperature: Temperature of winding and magnet [degC].
-
-    Returns:
-        Gain (n_draw,) and monic denominators (n_draw, 3), falling powers of s.
+    Return gain (n_draw,) and monic denominators (n_draw, 3), falling powers of s.
     """
     (checked,) = checked_temperatures([temperature])
     return plant(motor_draws(values, [checked]), checked)
 
 
 def matrices(values: Mapping[str, Array | float], temperature: float) -> tuple[Array, Array]:
-    """State matrices of current and speed.
+    """State matrices of current and speed at a temperature [degC].
 
-    Args:
-        values: (n_draw,) or a number for each nominal parameter.
-        temperature: Temperature of winding and magnet [degC].
-
-    Returns:
-        A (n_draw, 2, 2) and B (n_draw, 2, 2); the inputs are voltage and load torque.
+    Return A (n_draw, 2, 2) and B (n_draw, 2, 2); the inputs are voltage and load torque.
     """
     (checked,) = checked_temperatures([temperature])
     v = motor_draws(values, [checked])

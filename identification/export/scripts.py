@@ -33,13 +33,8 @@ def equations(
 ) -> tuple[str, str, tuple[str, ...]]:
     """Right-hand sides and sensor readings in a language.
 
-    Args:
-        motor: The model.
-        language: The language.
-        names: Names of the states, the inputs `SIGNALS` and the parameters.
-
-    Returns:
-        Assignments to the array `dx`, assignments to the array `y`, and all local variables.
+    The names are those of the states, the inputs `SIGNALS` and the parameters.  Return assignments
+    to the array `dx`, assignments to the array `y`, and all local variables.
     """
     model = motor.model
     x, _, p = model.symbols()
@@ -58,12 +53,7 @@ def equations(
 
 
 def continuous_notes(motor: Exported, *, delays: bool) -> tuple[str, ...]:
-    """Sentences on the parts of a sampled model that continuous equations omit.
-
-    Args:
-        motor: The model.
-        delays: Whether the format holds delays of channels.
-    """
+    """Sentences on what continuous equations, with delays of channels or not, omit of a model."""
     notes = []
     if motor.model.delays and not delays:
         notes.append("channel_delay is left out, because the equations are continuous")
@@ -82,15 +72,7 @@ def script(
     header: list[str],
     linear: Sequence[Mapping[str, Any]] = (),
 ) -> str:
-    """Text of a script or model.
-
-    Args:
-        template: Name of the template.
-        motor: The model.
-        language: Language of the script.
-        header: Lines about the motor.
-        linear: Numbers of `linear_motors`.
-    """
+    """Text of a script or model, with lines about the motor as its header."""
     rates, logged, local = equations(motor, language, ["x", "u", "p"])
     return TEMPLATES.get_template(template).render(
         version=version("motorid"),
@@ -116,13 +98,7 @@ def script(
 def linear_motors(
     result: Mapping[str, Any], draws: Mapping[str, Array], temperatures: Sequence[float]
 ) -> list[dict[str, Any]]:
-    """Numbers of the linear motor at each temperature: of the best values, then of samples.
-
-    Args:
-        result: Content of a result.json.
-        draws: (n_draw,) for each nominal parameter.
-        temperatures: Temperatures [degC].
-    """
+    """Numbers of the linear motor at each temperature [degC]: of the best values, then of draws."""
     best = best_values(result)
     return [_linear(best, draws, temperature) for temperature in temperatures]
 

@@ -40,11 +40,7 @@ class AbstractCause(ABC):
 
     @abstractmethod
     def directions(self, before: Mapping[str, float]) -> list[Direction]:
-        """Directions of the change; parameters that are not compared are ignored.
-
-        Args:
-            before: Values of the parameters before the change, in their units.
-        """
+        """Directions of the change from these values; parameters not compared are ignored."""
 
 
 class Demagnetization(AbstractCause):

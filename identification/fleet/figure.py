@@ -100,13 +100,7 @@ def marks_of(
 
 
 def fleet_figure(name: str, marks: Sequence[Mark], spread: Spread) -> str:
-    """SVG plot of one parameter over the fleet.
-
-    Args:
-        name: Name of the parameter.
-        marks: Motors in order, at least one.
-        spread: Distribution of the parameter over the fleet.
-    """
+    """SVG plot of one parameter over the fleet, from at least one mark."""
     unit = DECLARED_PARAMETERS[name].unit
     has_changes = any(mark.drift for mark in marks)
     across = _LEFT + _WIDTH * (np.arange(len(marks)) + 0.5) / len(marks)

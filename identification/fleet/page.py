@@ -52,13 +52,7 @@ class _Remarkable:
 
 
 def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
-    """Render the complete page.
-
-    Args:
-        title: Name of the batch.
-        refits: All motors of the table.
-        back: Address of the page that led here; empty for a file.
-    """
+    """Render the complete page, with a link `back` unless it is empty."""
     changes = drifts(refits)
     spreads = {name: spread_of(name, refits) for name in DECLARED_PARAMETERS}
     outliers = _outliers(refits, spreads)

@@ -129,8 +129,7 @@ class MissingParquet(InputError):
 def rows_of(refits: Sequence[Refit]) -> list[Row]:
     """Table rows with the columns of `COLUMNS`.
 
-    Args:
-        refits: All motors of the table, because p-values are adjusted over all of them.
+    The refits are all motors of the table, because p-values are adjusted over all of them.
     """
     rows = [
         _row(refit, changes, explanation)

@@ -126,14 +126,9 @@ def with_speed(
 ) -> tuple[dict[str, Array], SourceLocator, RunWarning]:
     """Add the difference quotient of the angle over each interval that is not a gap.
 
-    Args:
-        values: Channel name to (n_sample,), in SI units; the angle has no jumps.
-        channel: Channel of the angle.
-        locator: Source of the channels.
-
-    Returns:
-        Channels at the samples that end an interval, the locator of these samples, and a warning
-        that states the method.
+    The values are (n_sample,) in SI units, those of the angle without jumps.  Return the channels
+    at the samples that end an interval, the locator of these samples, and a warning that states the
+    method.
     """
     time, angle = values["time_s"], values["position_rad"]
     sound = np.ones(time.size - 1, dtype=bool)

@@ -59,13 +59,10 @@ class Column:
 
 
 def read_columns(header: tuple[tuple[str, ...], ...]) -> list[Column]:
-    """Describe the columns of a table from its header rows.
+    """Describe the columns of a table from its header rows, top to bottom and equally long.
 
     A header row below the first is a units row if at least half of its filled cells are units.  All
     other rows hold names, such as a long and a short one.
-
-    Args:
-        header: Header rows from top to bottom, all with the same number of cells.
     """
     names = [row for at, row in enumerate(header) if at == 0 or not is_units_row(row)]
     units = [row for at, row in enumerate(header) if at > 0 and is_units_row(row)]

@@ -17,12 +17,8 @@ def with_voltage(
 ) -> tuple[dict[str, Array], SourceLocator, RunWarning]:
     """Replace duty cycle and bus voltage by their product, the mean voltage of a switching period.
 
-    Args:
-        values: Channel name to (n_sample,), in SI units.
-        locator: Source of the channels.
-
-    Returns:
-        The channels, the locator of the voltage, and a warning that states the method.
+    Return the channels (n_sample,) in SI units, the locator of the voltage, and a warning that
+    states the method.
     """
     kept = dict(values)
     duty, bus = kept.pop("duty"), kept.pop("bus_voltage_V")

@@ -22,11 +22,7 @@ _SINGLE = (Run, str, os.PathLike, pd.DataFrame)
 
 
 def each_given(given: RunLike | Iterable[RunLike], role: str) -> list[RunLike]:
-    """List of what was given, alone or in an iterable.
-
-    Args:
-        given: One or several runs, paths or DataFrames.
-        role: Name of the argument, for messages.
+    """List of what was given, alone or in an iterable, as the argument `role`.
 
     Raises:
         InputError: An object is none of these.
@@ -50,13 +46,7 @@ def run_of(
     mapping: MappingLike | None = None,
     limits: Limits | None = None,
 ) -> Run:
-    """The run that was given; a file or a DataFrame is read.
-
-    Args:
-        given: A run, the path of its file, or a DataFrame.
-        name: Name of a run that is read; default: the file name.
-        mapping: Columns of the channels; see `read_run`.
-        limits: Size limits of a file.
+    """The run that was given; a file or a DataFrame is read, see `read_run`.
 
     Raises:
         RunFileError: The file or the DataFrame is no run.
@@ -68,10 +58,6 @@ def run_of(
 
 def runs_of(given: RunLike | Iterable[RunLike], role: str) -> list[Run]:
     """All runs that were given; a DataFrame is named by its role and number.
-
-    Args:
-        given: One or several runs, paths or DataFrames.
-        role: Name of the argument, such as ``training``.
 
     Raises:
         InputError: An object is none of these, or no run.

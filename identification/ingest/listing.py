@@ -19,11 +19,6 @@ def list_columns(
 ) -> tuple[Column, ...]:
     """Columns of a run file from left to right, among which a user selects the channels.
 
-    Args:
-        path: File in a format of docs/run-files.md.
-        name: Name of the run in messages; default: the file name.
-        limits: Size limits of the file.
-
     Raises:
         RunFileError: The file contains no table.
     """

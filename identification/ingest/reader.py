@@ -72,12 +72,7 @@ class Reader(Protocol):
     """Reader of one file format; it keeps no state between files."""
 
     def recognises(self, name: str, head: bytes) -> bool:
-        """Return True if the ending of the name and the first bytes are those of the format.
-
-        Args:
-            name: Name of the file as given by the user.
-            head: First bytes of the file, at most 64 KiB.
-        """
+        """Return True if the name and the first bytes, at most 64 KiB, are those of the format."""
 
     def open(self, file: RunFile) -> SourceTable | TableSet:
         """Read as much of the file as describes its columns.

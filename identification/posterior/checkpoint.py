@@ -60,11 +60,7 @@ class Checkpoint:
         return type(self)(self._path, self._earlier, self._interval_s, words)
 
     def load(self, key: str) -> dict[str, NDArray[Any]] | None:
-        """Load the state saved under a key, this attempt's file first; None if there is none.
-
-        Args:
-            key: Key of the chain.
-        """
+        """Load the state saved under a key, this attempt's file first; None if there is none."""
         for path in (self._path, *self._earlier):
             state = _read(path)
             if state is not None and str(state.pop("key", "")) == self._subject + key:
@@ -76,12 +72,7 @@ class Checkpoint:
         return time.monotonic() - self._saved >= self._interval_s
 
     def save(self, key: str, state: Mapping[str, NDArray[Any]]) -> None:
-        """Replace the saved state; if writing fails, the chain continues without it.
-
-        Args:
-            key: Key of the chain.
-            state: Arrays by name.
-        """
+        """Replace the saved state; if writing fails, the chain continues without it."""
         neighbour = self._path.with_suffix(".part")
         try:
             self._path.parent.mkdir(exist_ok=True)

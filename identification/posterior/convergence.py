@@ -61,12 +61,10 @@ class Convergence:
 
 
 def convergence_of(chain: Array, acceptance: float, lengths: float) -> Convergence:
-    """Compute the convergence diagnostics of a chain.
+    """Diagnostics of a chain (n_step, n_walker, n_dim) after burn-in.
 
-    Args:
-        chain: (n_step, n_walker, n_dim) after burn-in.
-        acceptance: Mean fraction of accepted proposals [-].
-        lengths: Required length of the chain [autocorrelation times].
+    `acceptance` is the mean fraction of accepted proposals [-], `lengths` the required length of
+    the chain [autocorrelation times].
     """
     steps, walkers, _ = chain.shape
     tau = np.maximum(autocorrelation_times(chain), 1.0)
@@ -113,13 +111,9 @@ def autocorrelation_times(chain: Array) -> Array:
 
 
 def split_r_hat(chain: Array) -> Array:
-    """Split R-hat of each dimension, with every half of every walker as one chain.
+    """Split R-hat (n_dim,) of a chain (n_step, n_walker, n_dim), near one if it has converged [-].
 
-    Args:
-        chain: (n_step, n_walker, n_dim).
-
-    Returns:
-        (n_dim,) near one for a converged chain [-].
+    Every half of every walker counts as one chain.
     """
     half = chain.shape[0] // 2
     halves = np.concatenate([chain[:half], chain[half : 2 * half]], axis=1)

@@ -85,12 +85,7 @@ class Posterior:
         return self.mirrored(self.centre + normal @ factor.T)
 
     def normal_draws(self, seed: int, count: int = 2000) -> dict[str, Array]:
-        """Physical values by name, (n_draw,) each, of draws from the normal approximation.
-
-        Args:
-            seed: Seed of the draws.
-            count: Number of draws.
-        """
+        """Physical values by name, (n_draw,) each, of draws from the normal approximation."""
         values = self.physical(self.normal_points(seed, count))
         return {name: values[:, k] for k, name in enumerate(self.names)}
 

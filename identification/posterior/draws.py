@@ -78,10 +78,6 @@ def final_draws(
 def nominal_draws(declared: Fit, seed: int) -> dict[str, Array]:
     """Physical draws from the normal approximation of the nominal model's posterior, by name.
 
-    Args:
-        declared: Fit of the nominal model.
-        seed: Seed of the draws.
-
     Raises:
         ComputationError: A draw is infinite or NaN.
     """

@@ -25,13 +25,7 @@ _GRID: Final = 100
 
 
 class StudentProposal:
-    """Draws from a multivariate t around the optimum.
-
-    Args:
-        centre: (n_dim,) the optimum.
-        covariance: (n_dim, n_dim) scale matrix.
-        freedom: Degrees of freedom.
-    """
+    """Draws from a multivariate t around (n_dim,) with an (n_dim, n_dim) scale matrix."""
 
     def __init__(self, centre: Array, covariance: Array, freedom: float) -> None:
         self._centre = centre

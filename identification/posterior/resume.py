@@ -24,14 +24,10 @@ _RESOLUTION: Final = 0.01
 def chain_key(posterior: Posterior, covariance: Array, seed: int, walkers: int) -> str:
     """Key of a chain: its dimensions, centre, widths, seed and number of walkers.
 
+    The covariance (n_dim, n_dim) is that of the normal approximation.
+
     Centre and widths are rounded to a hundredth of a standard deviation.  Another machine, whose
     last digits differ, can therefore resume the chain.
-
-    Args:
-        posterior: The density.
-        covariance: (n_dim, n_dim) of its normal approximation.
-        seed: Seed of the chain.
-        walkers: Number of walkers.
     """
     spread = np.sqrt(np.diag(covariance))
     place = np.rint(posterior.centre / spread / _RESOLUTION)
@@ -40,11 +36,7 @@ def chain_key(posterior: Posterior, covariance: Array, seed: int, walkers: int) 
 
 
 def state_of(backend: emcee.backends.Backend) -> dict[str, NDArray[Any]]:
-    """State of a chain as arrays.
-
-    Args:
-        backend: emcee backend of the chain.
-    """
+    """State of a chain in a backend of emcee as arrays."""
     _, keys, position, has_gauss, gauss = backend.random_state
     steps = backend.iteration
     return {
@@ -60,14 +52,7 @@ def state_of(backend: emcee.backends.Backend) -> dict[str, NDArray[Any]]:
 def kept_backend(
     checkpoint: Checkpoint | None, key: str, walkers: int, n_dim: int
 ) -> emcee.backends.Backend:
-    """Backend of emcee with the saved state; empty if none was saved.
-
-    Args:
-        checkpoint: Where the state may have been saved.
-        key: Key of the chain.
-        walkers: Number of walkers.
-        n_dim: Number of dimensions.
-    """
+    """Backend of emcee with the state saved under a key; empty if none was saved."""
     backend = emcee.backends.Backend()
     state = None if checkpoint is None else checkpoint.load(key)
     if state is None or state["chain"].shape[1:] != (walkers, n_dim):

@@ -68,8 +68,7 @@ class Ridge:
     def state_shifts(self, position: Array) -> list[Array]:
         """Distance of each best initial state from its linear extrapolation, (n_state, ...).
 
-        Args:
-            position: (n_parameter, ...) search coordinates.
+        `position` holds search coordinates, (n_parameter, ...).
         """
         if self.is_straight:
             rest = position.shape[1:]

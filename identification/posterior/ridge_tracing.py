@@ -69,12 +69,7 @@ class _Direction:
 
 
 def ridge_of(fit: Fit, fraction: float) -> Ridge:
-    """The ridge through the optimum; straight if the posterior is close to normal.
-
-    Args:
-        fit: The optimum.
-        fraction: Effective sample fraction.
-    """
+    """The ridge through the optimum of a fit; straight if the posterior is close to normal."""
     directions = _directions(fit, fraction)
     excess = _excess(fit, fraction, directions)
     direction = directions[int(np.argmax(excess))]

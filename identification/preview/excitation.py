@@ -52,12 +52,7 @@ class Excitation:
 
 
 def excitation_of(run: Run, fastest: float) -> Excitation:
-    """Excitation of one run.
-
-    Args:
-        run: The run.
-        fastest: Largest magnitude of the speed in all runs [rad/s].
-    """
+    """Excitation of one run; `fastest` is the largest speed in all runs [rad/s]."""
     durations = np.diff(run.time)
     inside = np.zeros(durations.size, dtype=bool)
     for first, last in run.segments:
@@ -83,11 +78,7 @@ def excitation_of(run: Run, fastest: float) -> Excitation:
 
 
 def joined(parts: Sequence[Excitation]) -> Excitation:
-    """Excitation of several runs together.
-
-    Args:
-        parts: Excitation of each run, at least one.
-    """
+    """Excitation of several runs together, from that of each."""
     total = sum(part.duration_s for part in parts) or 1.0
     logged = [part.temperature_degC for part in parts if part.temperature_degC is not None]
 

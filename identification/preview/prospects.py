@@ -70,11 +70,7 @@ class Prospect:
 
 
 def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Prospect]:
-    """Expected precision of each nominal parameter.
-
-    Args:
-        records: Records of runs of one motor without contradictions.
-        excitation: Excitation of all runs together.
+    """Expected precision of each nominal parameter, from records without contradictions.
 
     Raises:
         ComputationError: The nominal model cannot be simulated.

@@ -54,22 +54,13 @@ def passed_unseen(values: Mapping[str, float], interval: float) -> frozenset[str
     An electrical transient alone leaves its trace in the speed, from which a fit determines L.
     Where the mechanical one passes within an interval, too, J and L follow from the instants of
     the voltage steps alone: a step between two samples changes them by orders of magnitude.
-
-    Args:
-        values: Estimates of the nominal parameters [their units].
-        interval: Sampling interval [s].
     """
     passed = _unresolved(values, interval)
     return frozenset(passed) if "J" in passed else frozenset()
 
 
 def sampling_note(values: Mapping[str, float], interval: float) -> str:
-    """Remark on transients that are shorter than the sampling interval; empty if there are none.
-
-    Args:
-        values: Estimates of the nominal parameters [their units].
-        interval: Sampling interval [s].
-    """
+    """Remark on transients that are shorter than the interval [s]; empty if there are none."""
     passed = _unresolved(values, interval)
     if not passed:
         return ""
@@ -90,11 +81,7 @@ def sampling_note(values: Mapping[str, float], interval: float) -> str:
 
 
 def rounded_up(value: float) -> str:
-    """Two significant digits, rounded up.
-
-    Args:
-        value: Positive number, any unit.
-    """
+    """Two significant digits of a positive number, rounded up."""
     step = 10.0 ** (math.floor(math.log10(max(value, 1e-300))) - 1)
     return f"{math.ceil(value / step - 1e-9) * step:.6g}"
 

@@ -97,15 +97,10 @@ class _Table:
 def stored_runs(
     runs: Sequence[RunTraces], noise: Mapping[str, float | None], budget: int
 ) -> list[StoredRun]:
-    """Encode the runs; validation runs are the first to be stored with all samples.
+    """Encode the runs, in their order; validation runs are the first to be stored with all samples.
 
-    Args:
-        runs: The runs of the report.
-        noise: Standard deviations of the sensor noise: ``current_A``, ``speed_rad_s``.
-        budget: Limit of the size of all columns [bytes].
-
-    Returns:
-        One entry per run, in the order of the runs.
+    `noise` is that of the result, ``current_A`` and ``speed_rad_s``; `budget` limits the size of
+    all columns [bytes].
     """
     order = sorted(range(len(runs)), key=lambda k: runs[k].role != "validation")
     stored: dict[int, StoredRun] = {}

@@ -136,9 +136,7 @@ def _options_text(options: Entry) -> str:
 def headline_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
     """Up to three sentences: the effects found, the quality of the model, the parameters.
 
-    Args:
-        result: Content of result.json.
-        coloured: Channels whose residual is not white on the deciding runs.
+    `coloured` names the channels whose residual is not white on the deciding runs.
     """
     role, _ = deciding_errors(result)
     verdict = verdict_words(result, coloured).removeprefix("but ")
@@ -222,9 +220,7 @@ def _evidence(name: str, candidates: Sequence[CandidateRow]) -> tuple[tuple[str,
 def error_bars(result: Entry, coloured: Sequence[str] = ()) -> list[ErrorBar]:
     """Noise ratios of the deciding runs before and after, all on one scale.
 
-    Args:
-        result: Content of result.json.
-        coloured: Channels whose residual is not white on the deciding runs.
+    `coloured` names the channels whose residual is not white on these runs.
     """
     role, errors = deciding_errors(result)
     earlier = (result["errors"]["before"].get(role) or {}) if result["effects"] else {}

@@ -68,11 +68,7 @@ _STYLES = ("vendor/uPlot.min.css", "report.css")
 
 
 def render_report(data: ReportData) -> str:
-    """Render the complete page.
-
-    Args:
-        data: Data to show; missing sections are omitted or reported as missing.
-    """
+    """Render the complete page; sections without data are omitted or reported as missing."""
     attempts = Attempts(list(data.undrawn))
     data = replace(data, result=finite_or_null(data.result))
     result, rows = data.result, attempts.rows

@@ -125,9 +125,7 @@ def _remark(simulated: Sequence[Entry]) -> str:
 def metric_row(label: str, entries: Sequence[Entry | None]) -> MetricRow:
     """Label, unit and cells of one metric; the cells share the unit, such as ms.
 
-    Args:
-        label: Name of the metric.
-        entries: Quantities of one metric, at least one known; None where there is none.
+    At least one of the quantities is known.
     """
     known = [entry for entry in entries if entry is not None]
     factor, unit = unit_prefix(known[0]["unit"], [entry["median"] for entry in known])
@@ -137,9 +135,7 @@ def metric_row(label: str, entries: Sequence[Entry | None]) -> MetricRow:
 def metric_text(entry: Entry | None, factor: float = 1.0) -> Interval:
     """Format a metric; a margin that is infinite for most draws is written as infinite.
 
-    Args:
-        entry: The quantity; None if it does not exist.
-        factor: Factor between the unit of the result and the unit shown.
+    `factor` converts the unit of the result to the unit shown.
     """
     if entry is None:
         return interval_text(None, None, None)

@@ -37,9 +37,7 @@ POOR_FIT = 0.5
 def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
     """Summary of the data, the effects, the fit quality, the parameters and the closed loop.
 
-    Args:
-        result: Content of result.json.
-        coloured: Channels whose residual is not white on the deciding runs.
+    `coloured` names the channels whose residual is not white on the deciding runs.
     """
     sentences = [
         _forced(result),
@@ -161,12 +159,7 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
 
 
 def verdict_words(result: Entry, coloured: Sequence[str]) -> str:
-    """Interpretation of the noise ratios on the deciding runs; empty if there are none.
-
-    Args:
-        result: Content of result.json.
-        coloured: Channels whose residual is not white on the deciding runs.
-    """
+    """Interpretation of the noise ratios on the deciding runs; empty if there are none."""
     _, errors = deciding_errors(result)
     known = {name: error for name, error in errors.items() if error}
     ratios = [error["noise_ratio"] for error in known.values() if error["noise_ratio"] is not None]

@@ -128,14 +128,9 @@ def tick_words(low: float, high: float, about: int = 5) -> list[tuple[float, str
 
 
 def svg(width: float, height: float, title: str, description: str, body: str) -> str:
-    """Complete SVG element that scales with its container.
+    """Complete SVG element [drawing units] that scales with its container.
 
-    Args:
-        width: Width [drawing units].
-        height: Height [drawing units].
-        title: Title of the figure, read out by a screen reader.
-        description: One-sentence description with the key numbers.
-        body: SVG marks.
+    A screen reader reads out title and description.
     """
     key = f"svg{next(_identifiers)}"
     title, description = (html.escape(text, quote=False) for text in (title, description))

@@ -20,15 +20,10 @@ _Panel = dict[str, Any]
 def run_payloads(
     runs: Sequence[RunTraces], noise: Mapping[str, float | None], budget: int
 ) -> list[dict[str, Any]]:
-    """Plot data of the runs, ready for JSON.
+    """Plot data of the runs, ready for JSON: name, role, stored columns and panels.
 
-    Args:
-        runs: The runs.
-        noise: Standard deviations of the noise as in the result: ``current_A``, ``speed_rad_s``.
-        budget: Limit of the size of all columns [bytes].
-
-    Returns:
-        For each run its name, role, stored columns and panels.
+    `noise` is that of the result, ``current_A`` and ``speed_rad_s``; `budget` limits the size of
+    all columns [bytes].
     """
     return [
         {"name": run.name, "role": run.role, "panels": _panels(run, noise), **stored}

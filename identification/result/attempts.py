@@ -41,14 +41,7 @@ class Attempts:
         *args: _Given.args,
         **kwargs: _Given.kwargs,
     ) -> _Part | None:
-        """Compute a section; return None and add a remark if the values do not allow it.
-
-        Args:
-            name: Name of the section in the remark.
-            compute: Computation, run with floating-point warnings off.
-            *args: Positional arguments of the computation.
-            **kwargs: Keyword arguments of the computation.
-        """
+        """Compute a section; return None and add a remark if the values do not allow it."""
         try:
             with np.errstate(all="ignore"):
                 return compute(*args, **kwargs)
@@ -70,14 +63,7 @@ class Attempts:
 def figure(
     name: str, draw: Callable[_Given, str], *args: _Given.args, **kwargs: _Given.kwargs
 ) -> Markup:
-    """Draw a figure; return a line of text instead if the values do not allow it.
-
-    Args:
-        name: Name of the figure in the line of text.
-        draw: Function that returns the SVG or HTML text.
-        *args: Positional arguments of the function.
-        **kwargs: Keyword arguments of the function.
-    """
+    """Draw a figure; return a line of text instead if the values do not allow it."""
     try:
         with np.errstate(all="ignore"):
             return Markup(draw(*args, **kwargs))  # noqa: S704  figures escape external text

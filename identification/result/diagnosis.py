@@ -40,13 +40,7 @@ def detection_entry(detection: Detection | None) -> dict[str, Any]:
 def trace_entry(
     localisation: Localisation | None, outcome: Outcome | None, records: Sequence[Record]
 ) -> dict[str, Any]:
-    """Missing term of each equation and its dependence on the drivers.
-
-    Args:
-        localisation: Missing voltage and torque; None if not estimated.
-        outcome: Outcome of the effect search; None if none was made.
-        records: Training records to which the missing terms belong.
-    """
+    """Missing term of each equation and its dependence on the drivers over the training records."""
     entry: dict[str, Any] = {}
     if localisation is not None:
         signals = signals_at(records, localisation.missing)

@@ -29,12 +29,7 @@ def early_stop_warnings(
 ) -> list[ResultWarning]:
     """Warnings on an early stop of the fit, the effect search or the sampler.
 
-    Args:
-        final: Fit of the final model.
-        outcome: Outcome of the effect search, None if none was made.
-        sample: The chain, None if none was requested.
-        effort: Effort level, whose budget a stage may have used up.
-        time_limit: Time limit that stopped a stage [s]; None if none did.
+    `time_limit` is the limit that stopped a stage [s]; None if none did.
     """
     limit = f"the time limit of {time_limit} s" if time_limit is not None else ""
     warnings = []

@@ -93,13 +93,7 @@ def quantity_entry(draws: ArrayLike, unit: str) -> dict[str, Any]:
 
 
 def parameter_entry(draws: ArrayLike, unit: str, identified: bool) -> dict[str, Any]:
-    """PARAMETER from posterior draws.
-
-    Args:
-        draws: (n_draw,) in `unit`.
-        unit: Unit as the contract spells it.
-        identified: Whether the data identify the parameter.
-    """
+    """PARAMETER from posterior draws (n_draw,) in `unit`, as the contract spells it."""
     return quantity_entry(draws, unit) | {"identified": bool(identified)}
 
 

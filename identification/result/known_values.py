@@ -30,14 +30,7 @@ _SHOWN_BY: Final = {"Kt25": "speed_rad_s", "Ra25": "current_A"}
 def prior_entries(
     fit: Fit, share: float, priors: Sequence[Prior], contradicted: Sequence[Comparison]
 ) -> dict[str, dict[str, Any]]:
-    """Member ``prior`` of each parameter that has one, by name.
-
-    Args:
-        fit: Fit of the model to which the parameters belong.
-        share: Effective sample fraction.
-        priors: Known values of the user.
-        contradicted: Known values that were not used because the runs contradict them.
-    """
+    """Member ``prior`` of each parameter that has one, by name."""
     entries: dict[str, dict[str, Any]] = {}
     by_runs = identified(fit, share, by_runs=True)
     given = {prior.name: (prior.value, prior.sd, prior.origin) for prior in priors}

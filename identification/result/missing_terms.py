@@ -109,13 +109,7 @@ def unexplained_terms(
 
 
 def missing_traces(path: FinalPath, found: PathSamples, names: Sequence[str]) -> list[MissingTrace]:
-    """Plot data for each equation with an effect: a section of the run where it is strongest.
-
-    Args:
-        path: Simulation of the final model over the records.
-        found: The same at samples spread over all records.
-        names: File name of each record.
-    """
+    """Plot data for each equation with an effect: a section of the run where it is strongest."""
     plots = []
     for column in range(2):
         acting = [

@@ -24,10 +24,7 @@ __all__ = ["model_entries", "model_entry"]
 def model_entries(outcome: Outcome | None, final: Fit, fraction: float) -> list[dict[str, Any]]:
     """Entries of the final model, then of each alternative of each effect.
 
-    Args:
-        outcome: Outcome of the effect search; None if none was made.
-        final: Fit of the final model.
-        fraction: Its effective sample fraction [-].
+    `fraction` is the effective sample fraction [-].
     """
     entries = [model_entry(final, fraction)]
     for found in outcome.effects if outcome else ():
@@ -39,12 +36,7 @@ def model_entries(outcome: Outcome | None, final: Fit, fraction: float) -> list[
 
 
 def model_entry(fit: Fit, fraction: float) -> dict[str, Any]:
-    """Entry of one fitted model; temperatures of earlier runs are marginalised.
-
-    Args:
-        fit: The fit.
-        fraction: Effective sample fraction [-].
-    """
+    """Entry of one fitted model; temperatures of earlier runs are marginalised."""
     model, coordinates = fit.simulator.model, fit.coordinates
     passed = {parameter.name for parameter in model.unlogged.parameters}
     kept = [k for k, name in enumerate(coordinates.names) if name not in passed]

@@ -62,13 +62,7 @@ def _changes(final: Fit, term: OmittedTerm) -> dict[str, float]:
 def confounded_warnings(
     final: Fit, share: float, omitted: Sequence[OmittedTerm]
 ) -> list[ResultWarning]:
-    """Warnings on parameters that are identifiable only if a confounded effect is absent.
-
-    Args:
-        final: Fit of the final model.
-        share: Effective sample fraction.
-        omitted: Terms that could change its parameters.
-    """
+    """Warnings on parameters that are identifiable only if a confounded effect is absent."""
     known = identified(final, share)
     warnings = [
         _confounded(final, term)

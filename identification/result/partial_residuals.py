@@ -113,12 +113,7 @@ class FinalPath:
         )
 
     def within(self, number: int, rows: NDArray[np.int_]) -> PathSamples:
-        """Samples of one record.
-
-        Args:
-            number: Index of the record.
-            rows: (n_sample,) sample indices, without the last sample of the record.
-        """
+        """Samples (n_sample,) of one record, without its last."""
         return self._own(self._traced(number, rows))
 
     def _traced(self, number: int, rows: NDArray[np.int_]) -> PathSamples:
@@ -206,12 +201,9 @@ def _regressors(found: PathSamples) -> tuple[Array, Array]:
 def final_path(
     final: Fit, draws: Mapping[str, Array], localisation: Localisation | None
 ) -> FinalPath:
-    """Simulate the final model for the fit and some posterior draws.
+    """Simulate the final model for the fit and some posterior draws, (n_draw,) by name.
 
-    Args:
-        final: Fit of the final model.
-        draws: Posterior draws by name, (n_draw,) each.
-        localisation: Missing terms of the nominal model; None if not known.
+    `localisation` holds the missing terms of the nominal model; None if not known.
     """
     values = _with_draws(final, draws)
     return FinalPath(final, values, final.simulator.states(values, final.states), localisation)

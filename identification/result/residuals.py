@@ -101,23 +101,13 @@ def coloured_channels(checks: Sequence[ResidualCheck]) -> list[str]:
 
 
 def channel_whiteness(run: RunTraces, channel: str) -> Whiteness | None:
-    """Portmanteau test of one run's residual; None if the run is too short.
-
-    Args:
-        run: The run.
-        channel: ``current`` or ``speed``.
-    """
+    """Portmanteau test of one run's residual; None if the run is too short."""
     residuals, _ = _pieces([run], channel, "after")
     return whiteness(residuals) if residuals else None
 
 
 def channel_errors(run: RunTraces, channel: str) -> Errors | None:
-    """Simulation error of one run by the final model; None if no sample of the channel was used.
-
-    Args:
-        run: The run.
-        channel: ``current`` or ``speed``.
-    """
+    """Simulation error of one run by the final model; None if no sample of the channel was used."""
     residual = _residual(run, channel, "after")
     used = np.isfinite(residual)
     measured: Array = getattr(run, f"measured_{channel}")
@@ -125,11 +115,9 @@ def channel_errors(run: RunTraces, channel: str) -> Errors | None:
 
 
 def gaps(time: Array, factor: float = 4.0) -> NDArray[np.int_]:
-    """Indices (n_gap,) of the samples before a gap in the record, where a line must break.
+    """Indices (n_gap,) of the samples before a gap, where a line must break.
 
-    Args:
-        time: (n_sample,) increasing [s].
-        factor: A gap is longer than this many median intervals.
+    A gap is longer than `factor` median intervals of the time (n_sample,).
     """
     steps = np.diff(time)
     return np.flatnonzero(steps > factor * np.median(steps)) if steps.size else np.zeros(0, np.int_)

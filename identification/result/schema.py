@@ -321,11 +321,7 @@ def _in_short(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def schema_of(effects: Sequence[str]) -> dict[str, Any]:
-    """JSON Schema (2020-12) of result.json.
-
-    Args:
-        effects: Names that an effect may have.
-    """
+    """JSON Schema (2020-12) of result.json, with the names that an effect may have."""
     generated = json.dumps(Result.model_json_schema())
     schema: dict[str, Any] = json.loads(generated, object_hook=_in_short)
     parameter = {"$ref": "#/$defs/Parameter"}

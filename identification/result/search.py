@@ -19,11 +19,7 @@ def effect_entries(
 ) -> list[dict[str, Any]]:
     """Result entries of the effects in the final model, strongest evidence first.
 
-    Args:
-        outcome: Outcome of the effect search; None if none was made.
-        final: Fit of the final model.
-        draws: Draws of its posterior by name.
-        known: Whether each parameter is identified.
+    `known` says whether each parameter is identified.
     """
     terms = {term.name: term for term in effects_of(final.simulator.model.terms)}
     estimates = dict(zip(final.coordinates.names, final.values, strict=True))

@@ -140,11 +140,8 @@ def worse_warnings(
 ) -> list[ResultWarning]:
     """One warning for each run and channel whose error increases with the effects.
 
-    Args:
-        before: Validation records simulated by the nominal model.
-        after: The same records simulated by the final model.
-        noise: (2,) standard deviation of the noise of current and speed [A, rad/s].
-        effects: Names of the effects of the final model.
+    The same validation records, simulated by the nominal and by the final model; noise (2,) [A,
+    rad/s].
     """
     found = []
     for run in dict.fromkeys(one.record.name for one in after):

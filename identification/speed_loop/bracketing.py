@@ -28,12 +28,9 @@ _MOST_STEPS: Final = 2046
 def root(
     function: Callable[..., Array], bracket: tuple[Array, Array], args: tuple[Array | Index, ...]
 ) -> Array:
-    """Roots to machine precision, (n_root,); NaN where the function does not change sign.
+    """Roots (n_root,) between two ends to machine precision; NaN where the sign does not change.
 
-    Args:
-        function: Called with (n,) abscissae and the same rows of each of `args`.
-        bracket: Both ends, (n_root,) each.
-        args: Further arguments, (n_root,) each.
+    The function is called with (n,) abscissae and the same rows of each of `args`.
     """
     found = np.full(bracket[0].size, np.nan)
     if not found.size:

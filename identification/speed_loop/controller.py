@@ -206,9 +206,6 @@ def parse_controller(text: str) -> AbstractController:
 def parse_controllers(controllers: Iterable[str | AbstractController]) -> list[AbstractController]:
     """Parse each text by `parse_controller`; controllers pass unchanged.
 
-    Args:
-        controllers: At least one.
-
     Raises:
         OptionError: There is none, or one is not accepted.
     """

@@ -29,12 +29,9 @@ _AT_ONCE: Final = 2000
 
 
 def delayed_margins(loop: Loop, delay: float, highest: float) -> Margins:
-    """Margins of each loop with the delay; the smallest over all crossovers.
+    """Margins of each open loop N / D with a delay [s]; the smallest over all crossovers.
 
-    Args:
-        loop: Open loops N / D.
-        delay: Delay tau [s].
-        highest: Largest frequency of a phase crossover, the Nyquist frequency [rad/s].
+    `highest` is the largest frequency of a phase crossover, the Nyquist frequency [rad/s].
     """
     with np.errstate(all="ignore"):
         frequency = gain_crossovers(loop)

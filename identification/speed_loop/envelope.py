@@ -32,12 +32,9 @@ _ROUNDING: Final = 1e-6
 
 
 def bound_at(modes: Modes, time: Array, loop: Index) -> Array:
-    """Smaller of the two bounds of |x| from given times on.
+    """Smaller of the two bounds of |x| of stable modes from times (n_time,) on [s].
 
-    Args:
-        modes: Stable sums of modes.
-        time: (n_time,) [s].
-        loop: Index of the loop for each time, (n_time,).
+    `loop` (n_time,) is the index of the loop for each time.
     """
     modal = np.sum(
         _modal_weights(modes)[loop] * np.exp(modes.poles.real[loop] * time[:, None]), axis=1
@@ -50,12 +47,7 @@ def bound_at(modes: Modes, time: Array, loop: Index) -> Array:
 
 
 def time_below(modes: Modes, level: float) -> Array:
-    """Time after which |x| is guaranteed to stay below `level`, (n_loop,) [s].
-
-    Args:
-        modes: Stable sums of modes: all poles have a negative real part.
-        level: Above zero and below |x(0)|.
-    """
+    """Time (n_loop,) [s] after which |x| of stable modes stays below a level < |x(0)|."""
     slowest = modes.poles.real.max(axis=1)
     newton = _newton_time(np.abs(modes.weights), slowest, level)
     weights = _modal_weights(modes)

@@ -160,15 +160,10 @@ def plant(draws: Mapping[str, Array], temperature: float) -> tuple[Array, Array]
 def close(
     draws: Mapping[str, Array], temperatures: Sequence[float], controller: AbstractController
 ) -> Loop:
-    """Speed loop under feedback of the speed, for all draws at all temperatures.
+    """Speed loop under feedback of the speed, for all draws at all temperatures [degC].
 
-    Args:
-        draws: (n_draw,) for each nominal parameter, as `motor_draws` returns them.
-        temperatures: Temperatures [degC].
-        controller: Controller of the speed.
-
-    Returns:
-        Loops in the order of the temperatures, n_loop = n_temperature * n_draw.
+    The draws are those of `motor_draws`, the loops in the order of the temperatures, n_loop =
+    n_temperature * n_draw.
     """
     motors = [plant(draws, temperature) for temperature in temperatures]
     gain = np.concatenate([motor[0] for motor in motors])[:, None]

@@ -37,11 +37,7 @@ class Margins:
 
 
 def stability_margins(loop: Loop) -> Margins:
-    """Gain and phase margin of each loop.
-
-    Args:
-        loop: Open loops N / D.
-    """
+    """Gain and phase margin of each open loop N / D."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return Margins(_gain_margin(loop), _phase_margin(loop))
 
@@ -49,10 +45,8 @@ def stability_margins(loop: Loop) -> Margins:
 def bandwidth(loop: Loop) -> Array:
     """Lowest frequency at which the closed-loop gain is 3 dB below the DC gain [rad/s].
 
-    NaN if the DC gain is zero or not finite.  3 dB is the factor 10^(3/20), not the root of 2.
-
-    Args:
-        loop: The loops; the bandwidth is meaningful for stable ones only.
+    NaN if the DC gain is zero or not finite; meaningful for stable loops only. 3 dB is the factor
+    10^(3/20), not the root of 2.
     """
     closed = _squared_modulus(loop.closed_denominator)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -68,12 +68,9 @@ class StepMetrics:
 
 
 def quantities(step: StepMetrics, margins: Iterable[Array], rows: slice) -> dict[str, Any]:
-    """Quantity of each metric of `METRIC_UNITS` over the draws of one temperature.
+    """Quantity of each metric of `METRIC_UNITS` over the loops `rows` of one temperature.
 
-    Args:
-        step: Metrics of the step responses.
-        margins: Gain margin [dB], phase margin [deg] and bandwidth [rad/s], each (n_loop,).
-        rows: Loops of the temperature.
+    The margins are gain [dB], phase [deg] and bandwidth [rad/s], each (n_loop,).
     """
     columns = (*vars(step).values(), *margins)
     return {
@@ -83,12 +80,7 @@ def quantities(step: StepMetrics, margins: Iterable[Array], rows: slice) -> dict
 
 
 def quantity(values: Array, unit: str) -> dict[str, Any]:
-    """Mean, standard deviation and quantiles over draws, as the module's docstring defines them.
-
-    Args:
-        values: (n_draw,), NaN if undefined, infinite if infinite.
-        unit: Unit of the values.
-    """
+    """Mean, standard deviation and quantiles over draws (n_draw,), see the module's docstring."""
     defined = values[~np.isnan(values)]
     fraction = defined.size / values.size
     finite = np.isfinite(defined)

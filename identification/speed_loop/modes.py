@@ -56,11 +56,9 @@ class Modes:
 
     @classmethod
     def of(cls, numerator: Array, poles: Complex) -> Modes:
-        """Sums of modes of strictly proper fractions.
+        """Sums of modes of strictly proper fractions, from their poles (n_loop, n_pole) [1/s].
 
-        Args:
-            numerator: N, (n_loop, n_pole), falling powers from s^(n_pole - 1).
-            poles: (n_loop, n_pole) [1/s].
+        The numerators (n_loop, n_pole) are in falling powers from s^(n_pole - 1).
         """
         weights = numerator.astype(np.complex128)
         # Repeated synthetic division: by the last pole, then the one before it.
@@ -88,11 +86,9 @@ class Modes:
         return Modes(poles - slowest, self.weights[:, count:], residues)
 
     def at(self, time: Array, loop: Index) -> Array:
-        """Values of the sums, which are real if complex poles are paired.
+        """Values of the sums at times [s], which are real if complex poles are paired.
 
-        Args:
-            time: Times, any shape [s].
-            loop: Index of the loop for each time, of a shape that broadcasts with `time`.
+        `loop` is the index of the loop for each time, of a shape that broadcasts with `time`.
         """
         return np.asarray(self.complex_at(time, loop).real)
 

@@ -58,9 +58,6 @@ def feedback_metrics(
 def checked_temperatures(temperatures: Sequence[float]) -> list[float]:
     """Validate temperatures and convert them to numbers [degC].
 
-    Args:
-        temperatures: At least one, each between -273.15 and 400 degC.
-
     Raises:
         OptionError: There is none, or one is out of this range.
     """

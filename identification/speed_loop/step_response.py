@@ -39,11 +39,7 @@ _MOST_WINDOWS: Final = 210
 
 
 class StepResponse:
-    """Exact responses of the speed to a reference step of 1 rad/s.
-
-    Args:
-        loop: The loops; they may be unstable.
-    """
+    """Exact responses of the speed to a reference step of 1 rad/s, of stable loops or not."""
 
     def __init__(self, loop: Loop) -> None:
         closed = loop.closed_denominator
@@ -62,14 +58,7 @@ class StepResponse:
         return np.asarray((self.poles.real < 0).all(axis=1))
 
     def at(self, time: Array) -> Array:
-        """Speed of every loop at every time.
-
-        Args:
-            time: (n_time,) [s].
-
-        Returns:
-            (n_loop, n_time) [rad/s].
-        """
+        """Speed of every loop at every time (n_time,) [s], (n_loop, n_time) [rad/s]."""
         loops = np.arange(self.final.size)[:, None]
         with np.errstate(over="ignore", invalid="ignore"):
             return self.final[:, None] + self._error.at(np.asarray(time)[None, :], loops)
@@ -85,9 +74,8 @@ class StepResponse:
 def step_metrics(response: StepResponse) -> StepMetrics:
     """Metrics of each step response.
 
-    Args:
-        response: The responses.  All metrics of unstable ones are NaN; times and peak also if 100
-            oscillations do not determine them.
+    All metrics of unstable ones are NaN; times and peak also if 100 oscillations do not determine
+    them.
     """
     is_stable = response.is_stable
     usable = is_stable & np.isfinite(response.final) & (response.final != 0)

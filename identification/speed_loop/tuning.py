@@ -38,13 +38,8 @@ _DELAY: Final = 1.5
 def suited_controller(draws: Mapping[str, ArrayLike], interval: float) -> PI | None:
     """PI controller by the magnitude optimum at 25 degC, with gains of three digits.
 
-    Args:
-        draws: As for `feedback_metrics`; the rule uses their medians.
-        interval: Sample interval of the controller [s].
-
-    Returns:
-        The controller; None if the rule gives no positive gains, as for a motor that oscillates
-        without a controller.
+    The rule uses the medians of the draws and the sample interval of the controller [s].  None if
+    it gives no positive gains, as for a motor that oscillates without a controller.
     """
     middle = {
         name: np.median(np.asarray(values, dtype=np.float64)) for name, values in draws.items()

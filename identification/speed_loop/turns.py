@@ -40,8 +40,7 @@ _DECAYED: Final = 80.0
 class Turns:
     """Zeros of the derivative w(t) of step responses, window by window.
 
-    Args:
-        rate: w(t) of loops with equally many complex poles, in the order of `monic_roots`.
+    All loops have equally many complex poles, in the order of `monic_roots`.
     """
 
     def __init__(self, rate: Modes) -> None:

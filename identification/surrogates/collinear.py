@@ -22,14 +22,9 @@ _SEEN: Final = 1e-8
 
 
 def imitated(basis: Array, signals: Array) -> Array:
-    """Coefficients of the signals in the part of each basis function along shared directions.
+    """Coefficients (n_function, n_signal) of signals in basis functions along shared directions.
 
-    Args:
-        basis: (n_sample, n_function) basis functions.
-        signals: (n_sample, n_signal) linearly independent signals.
-
-    Returns:
-        (n_function, n_signal) coefficients.
+    The basis is (n_sample, n_function), the signals (n_sample, n_signal) are linearly independent.
     """
     own, triangle = np.linalg.qr(signals)
     cosines = _orthonormal(basis).T @ own
@@ -40,12 +35,7 @@ def imitated(basis: Array, signals: Array) -> Array:
 
 
 def is_formed(basis: Array, signal: Array) -> bool:
-    """Whether a signal lies in the span of a basis, by the same criterion.
-
-    Args:
-        basis: (n_sample, n_function) basis functions.
-        signal: (n_sample,) the signal.
-    """
+    """Whether a signal (n_sample,) lies in the span of a basis (n_sample, n_function), as above."""
     inside = _orthonormal(basis).T @ signal
     return bool(inside @ inside > _SAME * (signal @ signal))
 

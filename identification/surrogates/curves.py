@@ -158,15 +158,9 @@ def _without_imitated(term: AbstractCurve, scales: CampaignScales) -> AbstractCu
 
 
 def sampled(term: AbstractCurve, records: Sequence[Record]) -> tuple[Array, Array]:
-    """Basis and regressors of a curve on a subset of the samples.
+    """Basis (n_sample, n_coefficient) and regressors of a curve on a subset of the samples.
 
-    Args:
-        term: The curve.
-        records: The records.
-
-    Returns:
-        (n_sample, n_coefficient) basis functions, and (n_sample, 3) current, speed and voltage,
-        each over its scale [-].
+    The regressors (n_sample, 3) are current, speed and voltage, each over its scale [-].
     """
     columns, regressors = [], []
     for record in records:

@@ -38,15 +38,8 @@ _LEAST_SPREAD: Final = 1e-12
 def blamed(judge: Judge, gains: Array, samples: int, probability: float) -> list[dict[str, Any]]:
     """Probability and distance from the limits if one parameter were known, largest rise first.
 
-    Args:
-        judge: Judge of the loop.
-        gains: Gains of the controller, (4,).
-        samples: Simulated number of sample times.
-        probability: Required fraction of the draws.
-
-    Returns:
-        One entry for each uncertain parameter, and one for the temperature at the middle of its
-        range; empty with fewer than 20 draws.
+    One entry for each uncertain parameter, and one for the temperature at the middle of its range;
+    empty with fewer than 20 draws.  The gains are (4,).
     """
     motor = judge.motor.thinned(_MOST_DRAWS)
     if motor.count < _LEAST_DRAWS:

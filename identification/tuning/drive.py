@@ -73,13 +73,7 @@ class Response:
 
 
 class Drive:
-    """Drive that simulates responses to a step of the reference from standstill.
-
-    Args:
-        motor: The motor; each draw is simulated.
-        specification: Limits and timing of the drive.
-        anti_windup: Whether the integral stops at the limits.
-    """
+    """Drive that simulates responses of each draw to a step of the reference from standstill."""
 
     def __init__(
         self, motor: UncertainMotor, specification: Specification, *, anti_windup: bool = True
@@ -94,16 +88,9 @@ class Drive:
     def responses(
         self, gains: Array, reference: float, temperatures: list[float], samples: int
     ) -> list[Response]:
-        """Step responses of every draw.
+        """Step responses [rad/s] of every draw, one for each temperature [degC].
 
-        Args:
-            gains: (4,) or one column per draw, (4, n_draw), in the order of `GAINS`.
-            reference: Step of the reference [rad/s].
-            temperatures: Temperatures of winding and magnet [degC].
-            samples: Number of sample times.
-
-        Returns:
-            One for each temperature.
+        The gains are (4,), or (4, n_draw), in the order of `GAINS`.
         """
         lanes = self.motor.count
         columns = np.broadcast_to(np.reshape(gains, (len(GAINS), -1)), (len(GAINS), lanes))

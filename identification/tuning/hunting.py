@@ -44,12 +44,7 @@ _KINDS: Final = ("stick-slip", "limit cycle", "standstill")
 
 
 def hunting(judge: Judge, gains: Array, samples: int) -> list[dict[str, Any]]:
-    """References at which the speed does not come to rest at a speed above zero.
-
-    Args:
-        judge: Judge of the loop.
-        gains: Gains of the controller, (4,).
-        samples: Number of sample times in which the step response settles.
+    """References at which the speed, under gains (4,), does not come to rest above zero.
 
     Returns:
         One entry for each kind of behaviour, reference and temperature at which it occurs: the

@@ -117,11 +117,10 @@ class Judge:
         return max(count, _LEAST_SAMPLES)
 
     def judged(self, gains: Array, samples: int | None = None) -> Judgement:
-        """Metrics of controllers for every draw at every temperature.
+        """Metrics of controllers (4, n_controller) for every draw at every temperature.
 
-        Args:
-            gains: (4, n_controller), in the order of `GAINS`.
-            samples: Simulated number of sample times; default: as the required times need.
+        The gains are in the order of `GAINS`.  By default as many sample times are simulated as the
+        required times need.
         """
         count, samples = gains.shape[1], samples or self.samples()
         motors = replace(self.motor, values=np.tile(self.motor.values, (1, count)))

@@ -79,10 +79,7 @@ def controller_of(kind: str, gains: Array) -> str:
 def searched(judge: Judge, kind: str, probability: float) -> Array:
     """Gains of a kind with the largest distance from the limits, (4,), of three digits.
 
-    Args:
-        judge: Judge with all draws and temperatures.
-        kind: One of `KINDS`.
-        probability: Fraction of the draws that shall meet the specification.
+    The fraction `probability` of the draws shall meet the specification.
     """
     temperatures = _ends_and_middle(judge.temperatures)
     few, more = (judge.of(judge.motor.thinned(n), temperatures) for n in _DRAWS)

@@ -27,11 +27,8 @@ def statement(
 ) -> str:
     """Whether a controller meets the specification, by how much not, and where.
 
-    Args:
-        entry: Entry of the controller.
-        probability: Required fraction of the draws.
-        step: Step of the reference [rad/s].
-        reach: Steady speed that the drive reaches; None without limits [rad/s].
+    `step` is the step of the reference, `reach` the steady speed that the drive reaches, None
+    without limits [rad/s].
     """
     return "; ".join(
         [*_judgement(entry, probability, step, reach), *_blame(entry), *_hunting(entry)]

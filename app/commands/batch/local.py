@@ -38,10 +38,7 @@ def fit_all(
 ) -> Iterator[tuple[MotorJob, str]]:
     """Fit motors on this machine; yield each job with its error message, or "" on success.
 
-    Args:
-        jobs: Motors to fit.
-        at_once: Number of motors fitted in parallel.
-        tell: Progress callback with motor, stage and completed fraction of the fit.
+    `tell` receives motor, stage and completed fraction of a fit.
     """
     if not jobs:
         return

@@ -40,11 +40,7 @@ Tell = Callable[[str, str, float], None]
 def reached(url: str, key: str | None, first_s: float, later_s: float) -> Iterator[Client]:
     """Yield a client of a service that has answered at least once.
 
-    Args:
-        url: URL of the service.
-        key: API key of the service.
-        first_s: Time over which the first call is retried [s].
-        later_s: Time over which each later call is retried [s].
+    The first call is retried over `first_s`, each later one over `later_s` [s].
 
     Raises:
         InputError: The service rejects the key or refuses a call for another reason.

@@ -54,14 +54,10 @@ def refuse_large(limits: Limits, rows: int, columns: int = 0) -> None:
 
 
 def numbers(values: ArrayLike, column: Column) -> Array:
-    """Convert cells to floating point.
+    """Convert cells (n_sample,) of a column to floating point.
 
     Dates become seconds from the first date.  Integers too large for a floating point number, such
     as nanoseconds since 1970, become differences from the first one.
-
-    Args:
-        values: (n_sample,) cells of one column.
-        column: Their column, for the error.
 
     Raises:
         NotANumber: The cells are texts, complex numbers or objects.

@@ -34,11 +34,7 @@ _HELD = ("voltage_V", "duty", "bus_voltage_V")
 
 
 class Clock:
-    """Sample times shared by some signals.
-
-    Args:
-        load: Function that returns the times, (n_sample,) [s].
-    """
+    """Sample times shared by some signals; `load` returns them, (n_sample,) [s]."""
 
     def __init__(self, load: Callable[[], Array]) -> None:
         self._load = load

@@ -39,11 +39,7 @@ _FAULTS = (
 
 
 def imported(module: str, what: str) -> ModuleType:
-    """Import the library of a format.
-
-    Args:
-        module: Name of the module.
-        what: Kind of file for the message, such as ``a Parquet file``.
+    """Import the library of a format; `what` names the file in the message, ``a Parquet file``.
 
     Raises:
         MissingLibrary: The library is not installed.

@@ -82,11 +82,7 @@ Node: TypeAlias = "Mapping[str, Node] | list[Node] | Leaf | Opaque | str"
 def tables_of(root: Mapping[str, Node], file: RunFile, kind: str, notes: str = "") -> TableSet:
     """Tables of a tree, and the signals with clocks of their own as one table.
 
-    Args:
-        root: Variables or groups of the file.
-        file: The file, for its name and limits.
-        kind: Word for a table in messages.
-        notes: Content that is not read.
+    `kind` is the word for a table in messages; `notes` names content that is not read.
 
     Raises:
         FileTooLarge: The tree has more than 100,000 nodes.

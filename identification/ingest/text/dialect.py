@@ -59,10 +59,6 @@ class Layout:
 def detect_layout(block: Block, limits: Limits) -> Layout:
     """Detect the layout from the first block of a file.
 
-    Args:
-        block: First block of the file.
-        limits: Largest number of columns.
-
     Raises:
         FileTooLarge: The table has more columns than the limit.
         RunFileError: The block holds no samples, no header or no unambiguous decimal sign.

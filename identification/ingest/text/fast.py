@@ -26,15 +26,7 @@ def read_clean(
 ) -> list[Array] | None:
     """Parse whole lines that contain nothing but numbers.
 
-    Args:
-        text: Encoded lines.
-        layout: Layout of the table.
-        channels: Channels to read.
-        decimal: Decimal sign.
-
-    Returns:
-        (n_sample,) for each channel, NaN at a blank cell; or None if the block
-        fails a check.
+    Return (n_sample,) for each channel, NaN at a blank cell; or None if the block fails a check.
     """
     bare = _without_quotes(text, layout.delimiter) if b'"' in text else text
     count = text.count(b"\n") + (not text.endswith(b"\n"))

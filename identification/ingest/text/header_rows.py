@@ -33,13 +33,7 @@ class Line:
 
 
 class HeaderRows:
-    """Search for the header rows above samples of known layout.
-
-    Args:
-        delimiter: Delimiter of the samples.
-        fields: Number of cells of each sample.
-        sample: The first sample.
-    """
+    """Search for the header rows above samples of known delimiter and number of cells."""
 
     def __init__(self, delimiter: str, fields: int, sample: Line) -> None:
         self._delimiter = delimiter

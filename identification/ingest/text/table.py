@@ -49,12 +49,7 @@ class TextReader:
 
 
 def open_text(chunks: Iterator[bytes], limits: Limits, file: str) -> TextTable:
-    """Detect the layout of a text table.
-
-    Args:
-        chunks: The text, in any encoding.
-        limits: Size limits.
-        file: Name of the file in messages.
+    """Detect the layout of a text table in any encoding.
 
     Raises:
         RunFileError: The text holds no table.
@@ -68,13 +63,7 @@ def open_text(chunks: Iterator[bytes], limits: Limits, file: str) -> TextTable:
 
 
 class TextTable:
-    """Text table, read block by block.
-
-    Args:
-        layout: Layout of the table.
-        blocks: Lines from the first sample on.
-        file: Name of the file in messages.
-    """
+    """Text table, read block by block from the first sample on."""
 
     def __init__(self, layout: Layout, blocks: Iterable[Block], file: str) -> None:
         columns = layout.preamble.columns(read_columns(layout.header))

@@ -11,13 +11,7 @@ __all__ = ["correlation_figure"]
 
 
 def correlation_figure(title: str, after: Correlation, before: Correlation | None = None) -> str:
-    """Correlation over the lag with its 99 % band; both models share one scale.
-
-    Args:
-        title: Title, which names the correlated signals.
-        after: Correlation of the final model.
-        before: Correlation of the nominal model; None if that is the final model.
-    """
+    """Correlation over the lag with its 99 % band; both models share one scale."""
     outside = np.abs(after.values) > after.half_width
     shown = [("outside the band", "loud", outside), ("final model", "after", ~outside)]
     lines = [

@@ -24,12 +24,7 @@ _CHANNEL_UNITS = {"speed": "rad/s", "current": "A"}
 
 
 def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -> str:
-    """Coefficient over temperature with its band, and a histogram of the logged temperatures.
-
-    Args:
-        curve: Median and band.
-        temperatures: Logged temperatures of the runs, (n_sample,) each [degC].
-    """
+    """Coefficient over temperature with its band, and a histogram of the logged temperatures."""
     lines = [*_histogram(temperatures, (float(curve.temperature[0]), float(curve.temperature[-1])))]
     if curve.before is not None:
         lines.append(Line("nominal model", "before", curve.temperature, curve.before, "dashed"))
@@ -71,9 +66,7 @@ def step_figure(steps: Sequence[StepResponse]) -> str:
 def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
     """Step responses of two fits with the same controller at the same temperature.
 
-    Args:
-        first: Step response of the first fit, in the colour of the nominal model.
-        second: Step response of the second fit.
+    The first one has the colour of the nominal model.
     """
     factor, unit = unit_prefix("s", [float(step.time[-1]) for step in (first, second)])
     lines, bands = [], []
@@ -92,13 +85,9 @@ def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
 def prediction_figure(
     name: str, channel: Literal["speed", "current"], time: Array, signals: tuple[Array, Array]
 ) -> str:
-    """Measured signal in grey, the simulated one over it.
+    """Measured signal in grey, the simulated one over it, of a run.
 
-    Args:
-        name: Name of the run.
-        channel: The channel.
-        time: (n_sample,) increasing [s].
-        signals: (n_sample,) each, measured and simulated [rad/s or A]; NaN where unknown.
+    Time (n_sample,) [s]; signals (n_sample,) [rad/s or A], NaN where unknown.
     """
     measured, simulated = signals
     described = f"Measured and simulated {channel} over {float(time[-1] - time[0]):.4g} s."

@@ -37,11 +37,7 @@ _BARS: Final = 0.14
 
 
 def drawn_chart(element: str, width: float = 460.0) -> str:
-    """SVG of a chart.
-
-    Args:
-        element: Element that `chart` returns.
-        width: Width of the drawing [drawing units].
+    """SVG of an element that `chart` returns, of this width [drawing units].
 
     Raises:
         ValueError: The element is not a chart, or its data are not plottable.
