@@ -101,9 +101,6 @@ def page(
     """Page of rows, newest first, and the cursor of the next page, if any.
 
     `after` is the cursor of the page; `equal` are values of columns, of which None selects all.
-
-    Raises:
-        FieldRefused: `after` is not a cursor of this service.
     """
     given = {name: value for name, value in equal.items() if value is not None}
     query = select(table).filter_by(workspace=workspace, **given)

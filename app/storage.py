@@ -194,11 +194,7 @@ class Storage:
         return shutil.disk_usage(self.directory).free
 
     def sweep(self, runs: Collection[str], fits: Collection[str], now: float) -> int:
-        """Remove old files and directories that no database row refers to.
-
-        Returns:
-            Number of files and directories removed.
-        """
+        """Remove old files and directories that no database row refers to; return their number."""
         removed = self._sweep_scratch(now) + self._sweep_uploads(now)
         if not runs and not fits:
             # An empty database next to stored files indicates a wrong database URL.

@@ -71,16 +71,7 @@ def predict(
 def simulation_of(
     result: Mapping[str, Any], run: Run, declared: bool = False
 ) -> tuple[Simulator, Array, tuple[Array, ...]]:
-    """Simulation that a prediction evaluates.
-
-    Args:
-        result: Content of a result.json.
-        run: The run; see `predict`.
-        declared: Whether to use the nominal model instead of the final one.
-
-    Returns:
-        Simulator over the records of the run, (n_parameter,) physical values, and for each record
-        (n_state,) at its first sample.
+    """Simulator of a run, physical values (n_parameter,), and (n_state,) of each record.
 
     Raises:
         InputError: The result lacks data that the simulation needs.

@@ -91,12 +91,7 @@ def charge_once(key: Hashable, count: float) -> None:
 
 
 class Budget:
-    """Operations that may be spent from now on.
-
-    Args:
-        count: Number of operations; infinite for no limit.
-        within: Enclosing budget, which ends this one too.
-    """
+    """Operations that may be spent from now on, within an enclosing budget if there is one."""
 
     def __init__(self, count: float = np.inf, within: Budget | None = None) -> None:
         self._end = operations() + count

@@ -144,10 +144,7 @@ class AccessService:
             return set(session.scalars(query))
 
     def open_session(self, secret: str, lifetime_s: float) -> str:
-        """Open a browser session with a key.
-
-        Returns:
-            Value of the session cookie.
+        """Open a browser session with a key and return the value of its cookie.
 
         Raises:
             BadKey: The key is unknown, revoked or expired.

@@ -90,14 +90,7 @@ class AnalysisService:
     def tuning(
         self, caller: Caller, fit_id: str, request: TuningRequest, *, draws: int
     ) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-        """Controllers that meet a specification, as ``motorid tune`` finds them.
-
-        Returns:
-            Content of the file of ``motorid tune``, and limits of the numbers in words.
-
-        Raises:
-            NotReady: As for `loop`; so do the other errors.
-        """
+        """Controllers as ``motorid tune`` finds them, and limits of the numbers in words."""
         from identification.tuning import motor_of, parse_specification, tune
 
         required = parse_specification(request.specification)

@@ -122,11 +122,7 @@ class BatchService:
     def page(
         self, caller: Caller, *, after: str | None, limit: int
     ) -> tuple[list[StoredBatch], str | None]:
-        """Page of batches, newest first, and the cursor of the next page, if any.
-
-        Raises:
-            FieldRefused: `after` is not a cursor of this service.
-        """
+        """Page of batches, newest first, and the cursor of the next page, if any."""
         with self._database.reading() as session:
             rows, following = queries.page(
                 session, BatchRow, caller.workspace, after=after, limit=limit
@@ -145,11 +141,7 @@ class BatchService:
             return StoredBatch(row, counts, share, fits.of_batch(session, row.id))
 
     def delete(self, caller: Caller, batch_id: str) -> StoredBatch | None:
-        """Cancel the unfinished fits of a batch; if all have ended, delete the batch.
-
-        Returns:
-            The batch if fits were cancelled, None if it was deleted.
-        """
+        """Cancel the unfinished fits of a batch; if all have ended, delete it and return None."""
         with self._database.writing() as session:
             row = queries.known(session, BatchRow, caller.workspace, batch_id)
             cancelled = repository.cancel(session, row.id, time.time())

@@ -26,11 +26,7 @@ __all__ = ["date", "open_access", "owner_only", "serve"]
 def serve(
     *, host: str | None, port: int | None, data_dir: Path | None, no_auth: bool | None
 ) -> None:
-    """Run the service until it is stopped by a signal.
-
-    Raises:
-        OptionError: A setting is not accepted, or the port cannot be listened on.
-    """
+    """Run the service until it is stopped by a signal."""
     settings = load_settings(host=host, port=port, data_dir=data_dir, no_auth=no_auth)
     listening = _listen(settings)
     # Local import: the key commands do not need the server.

@@ -34,16 +34,10 @@ def check(
     as_json: bool,
     quiet: bool = False,
 ) -> None:
-    """Show columns, excitation, contradictions and expected precision of runs.
+    """Show columns, excitation, contradictions and expected precision of runs of one motor.
 
-    Args:
-        files: Run files of one motor.
-        mapping: Mapping of columns to channels.
-        save_mapping: JSON file to write with the mapping as understood; an existing file is
-            replaced only if it is a mapping.
-        given: Options of the command line that the mapping comes from.
-        as_json: Print the preview as JSON.
-        quiet: Print nothing, except a requested JSON document and the error.
+    An existing file is replaced by the mapping as understood only if it is a mapping. `given` holds
+    the options of the command line that the mapping comes from.
 
     Raises:
         InputError: A file cannot be read, or runs contradict; all of them have been shown.
@@ -101,11 +95,7 @@ def _check_replaceable(path: Path) -> None:
 
 
 def _save(found: Preview, path: Path) -> None:
-    """Write the mapping as understood.
-
-    Raises:
-        OptionError: The file cannot be written.
-    """
+    """Write the mapping as understood."""
     from identification.result.atomic import write_text
 
     with writable_file(path, "--save-mapping"):

@@ -65,11 +65,7 @@ _FILES = {"result": "result.json", "posterior": "posterior.nc", "report": "repor
 
 @contextmanager
 def progress_bar(quiet: bool) -> Iterator[Progress]:
-    """Show a progress bar on standard error while the block runs, if not quiet and a terminal.
-
-    Yields:
-        Callback for the stage and the completed fraction.
-    """
+    """Show a progress bar on standard error during the block, if not quiet and a terminal."""
     if quiet or not sys.stderr.isatty():
         yield lambda stage, share: None
         return
@@ -97,11 +93,7 @@ def print_json(content: object) -> None:
 
 
 def fit_summary(result: Mapping[str, Any], out: Path) -> dict[str, Any]:
-    """Summary of a fit for scripts.
-
-    Returns:
-        Paths of the files (None if missing) and the short parts of the result.
-    """
+    """Summary of a fit for scripts: paths of the files and the short parts of the result."""
     files = {
         name: str(out / file) if (out / file).exists() else None for name, file in _FILES.items()
     }

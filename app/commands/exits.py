@@ -128,11 +128,7 @@ def prepare_streams() -> None:
 
 
 def failed(error: BaseException) -> int:
-    """Print a one-line error message on standard error.
-
-    Returns:
-        Exit status of the error.
-    """
+    """Print a one-line error message on standard error and return the exit status."""
     if os.environ.get(TRACEBACK):
         traceback.print_exception(error)
     if isinstance(error, BrokenPipeError):

@@ -69,11 +69,7 @@ def writable_file(path: Path, option: str = "--out", inputs: Iterable[Path] = ()
 
 
 def write_json(path: Path | None, content: object, result: Path | None) -> None:
-    """Write a JSON file, if one is wanted; a file of the result that was read is no target.
-
-    Raises:
-        OptionError: The path cannot be written, or is an input.
-    """
+    """Write a JSON file, if one is wanted; a file of the result that was read is no target."""
     if path is None:
         return
     from identification.result.atomic import write_text
@@ -83,11 +79,7 @@ def write_json(path: Path | None, content: object, result: Path | None) -> None:
 
 
 def read_result(path: Path) -> dict[str, Any]:
-    """Content of a result.json.
-
-    Raises:
-        InputError: The file cannot be read or is not a result of ``motorid fit``.
-    """
+    """Content of the result.json of ``motorid fit``."""
     from identification.identified import read_result as stored
 
     return stored(path).result
@@ -98,9 +90,6 @@ def draws_of(result: dict[str, Any], path: Path, most: int) -> tuple[dict[str, A
 
     A longer chain is thinned evenly.  The remark for the user is empty unless the draws are
     approximate.
-
-    Raises:
-        InputError: The posterior cannot be read, or the result lacks a parameter.
     """
     from identification.identified import StoredResult
 

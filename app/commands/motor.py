@@ -63,11 +63,7 @@ def fit_options(
     nameplate: Sequence[str] | None = None,
     **others: Any,
 ) -> FitOptions:
-    """Fit options from command-line values, validated; `others` are fields of `FitOptions`.
-
-    Raises:
-        OptionError: A value is not accepted.
-    """
+    """Fit options from command-line values, validated; `others` are fields of `FitOptions`."""
     if temperature:
         others["temperatures"] = tuple(temperature)
     if controller:
@@ -88,12 +84,7 @@ def fit(
     label: Label = Label(),  # noqa: B008  frozen
     show: Show,
 ) -> None:
-    """Fit a motor, write its results and show them.
-
-    Raises:
-        InputError: A run, an option or the output directory is not accepted.
-        ComputationError: The computation failed.
-    """
+    """Fit a motor, write its results and show them."""
     with console.progress_bar(show.quiet) as progress:
         result = _identified(out, training, validation, options, mapping, progress, label=label)
     if show.as_json:
@@ -156,11 +147,7 @@ def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], train
 def predict(
     result: Path, run: Path, out: Path, declared: bool, mapping: Mapping[str, object] | None
 ) -> None:
-    """Simulate a run with the model of a result and write the table.
-
-    Raises:
-        InputError: The result, the run or the output file is not accepted.
-    """
+    """Simulate a run with the model of a result and write the table."""
     from identification.ingest import read_run
 
     content = read_result(result)
@@ -182,11 +169,7 @@ def feedback(
     result: Path | None,
     show: Show,
 ) -> None:
-    """Compute the feedback metrics, write them and show them; `result` is not overwritten.
-
-    Raises:
-        InputError: A parameter, temperature, controller or the output file is not accepted.
-    """
+    """Compute the feedback metrics, write them and show them; `result` is not overwritten."""
     entries = feedback_metrics(draws, temperatures, controllers)
     write_json(out, entries, result)
     if show.as_json:

@@ -34,9 +34,6 @@ def tune(
     """Tune or judge controllers, write the file and show it.
 
     The motor is a result or `settings`; `options` are further ones of `identification.tuning.tune`.
-
-    Raises:
-        InputError: The result, an option or the output file is not accepted.
     """
     from identification.tuning import KINDS, parse_specification
     from identification.tuning import motor_of as uncertain

@@ -116,9 +116,6 @@ class DaskEngine(AbstractEngine):
 
         A cluster that cannot start any task (for example, a worker without the data directory)
         would otherwise take and lose the same fit many times a second.
-
-        Args:
-            has_begun: Whether the task has reported anything or is still pending.
         """
         if has_begun:
             self._losses = 0

@@ -42,10 +42,8 @@ _lock = threading.Lock()
 def compute(fields: dict[str, Any], data_dir: str) -> None:
     """Compute a job in a separate process.
 
-    Args:
-        fields: Fields of the job, with paths as the service sees them.
-        data_dir: Data directory as the service sees it; MOTORID_DATA_DIR names it on a worker
-            with another path.
+    The paths are those of the service; MOTORID_DATA_DIR names the data directory on a worker with
+    another path.
     """
     worker = get_worker()
     key = str(worker.get_current_task())

@@ -48,13 +48,7 @@ def has_heard_the_end(row: FitRow, version: int) -> bool:
 class EventStream(StreamingResponse):
     """Response that streams the events of a fit; it counts as open until it has been sent.
 
-    Args:
-        watcher: Source of the changes.
-        row: Row of the fit as just read.
-        key_id: ID of the caller's key, or None if no key is required.
-        version: Last version that the client has.
-        keep_alive_s: Maximum time without output [s].
-        is_stopping: Whether the service is stopping.
+    The row was just read; `version` is the last one that the client has.
 
     Raises:
         TooManyStreams: The key has the maximum number of open streams; raised before

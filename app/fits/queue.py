@@ -83,14 +83,10 @@ class FitQueue:
             return repository.waiting(session, most)
 
     def claim(self, without: Collection[str] = (), *, running: int = 0) -> Claim | None:
-        """Claim the fit that has waited longest.
+        """Claim the fit that has waited longest; None if none waits or it must wait to run alone.
 
         If a fit's server was killed ten times while it ran, the fit may be the cause.  It is then
         started alone, so that further kills count against no other fit.
-
-        Returns:
-            The claim.  None if no fit waits, or if the next fit must run alone and
-            others still run.
         """
         passed = list(without)[:_MOST_PASSED]
         while True:

@@ -96,11 +96,7 @@ class FitService:
         status: str | None,
         motor: str | None,
     ) -> tuple[list[StoredFit], str | None]:
-        """Page of fits, newest first, and the cursor of the next page, if any.
-
-        Raises:
-            FieldRefused: `after` is not a cursor of this service.
-        """
+        """Page of fits, newest first, and the cursor of the next page, if any."""
         with self._database.reading() as session:
             rows, following = queries.page(
                 session,
@@ -141,11 +137,7 @@ class FitService:
             return queries.known(session, FitRow, caller.workspace, fit_id)
 
     def delete(self, caller: Caller, fit_id: str) -> StoredFit | None:
-        """Cancel an unfinished fit, or delete an ended one.
-
-        Returns:
-            The fit if it was cancelled, None if it was deleted.
-        """
+        """Cancel an unfinished fit and return it, or delete an ended one and return None."""
         with self._database.writing() as session:
             queries.known(session, FitRow, caller.workspace, fit_id)
             is_cancelled = repository.cancel(session, fit_id, time.time())

@@ -86,10 +86,7 @@ class Starter:
         self._refusals: Counter[str] = Counter()
 
     def start(self, running: int) -> tuple[Claim, AbstractRunning] | None:
-        """Start the fit that has waited longest, skipping those that cannot be started.
-
-        Returns:
-            The claim and the running job, or None if no queued fit can be started now.
+        """Start the fit that has waited longest, skipping those that cannot be started now.
 
         Raises:
             CannotStart: A resource shortage prevents the start of any fit.

@@ -151,11 +151,7 @@ def _started(services: Services, caller: Caller, form: Mapping[str, str]) -> str
 
 
 def options_from(form: Mapping[str, str]) -> dict[str, Any]:
-    """Options of a fit in the fields of the form.
-
-    Raises:
-        FieldRefused: A temperature or the seed is not a number.
-    """
+    """Options of a fit in the fields of the form."""
     contradicting = form.get("contradicting", "")
     return {
         "posterior": "posterior" in form,

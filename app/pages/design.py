@@ -49,11 +49,7 @@ class DesignForm:
 
     @property
     def request(self) -> DesignRequest:
-        """The request of the service.
-
-        Raises:
-            FieldRefused: A field is not a number.
-        """
+        """The request of the service; a field that is not a number is refused."""
         return DesignRequest(
             limits=self.limits,
             duration=_number("duration", self.duration) if self.duration else None,

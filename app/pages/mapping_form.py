@@ -27,15 +27,13 @@ OPTIONAL: Final = ("temperature_degC", "position_rad", "duty", "bus_voltage_V")
 
 
 def mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Mapping selected in a form.
+    """Mapping selected in a form, given the one before.
+
+    The fields are `CHANNEL.column`, `.was` (the column before), `.unit`, `.sign`, `.factor` and
+    `.offset`.
 
     The unit belongs to the column: if another column is selected, its header gives the unit.  A
     channel without a column is left to the header, unless the user has removed its column.
-
-    Args:
-        form: Fields `CHANNEL.column`, `.was` (the column before), `.unit`, `.sign`, `.factor` and
-            `.offset`.
-        earlier: The mapping before.
 
     Raises:
         FieldRefused: A factor or an offset is not a finite number.

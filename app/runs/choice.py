@@ -73,11 +73,7 @@ class RunChoice:
         return {run.id: ROLES[fnmatch.fnmatchcase(run.file.casefold(), wanted)] for run in runs}
 
     def rename(self, caller: Caller, run_id: str, motor: str | None) -> None:
-        """Set the motor of a run.
-
-        Raises:
-            FieldRefused: The name is not accepted.
-        """
+        """Set the motor of a run."""
         motor = checked_label("motor", motor)
         with self._database.writing() as session:
             queries.known(session, RunRow, caller.workspace, run_id, lock=True).motor = motor
@@ -89,11 +85,7 @@ class RunChoice:
             return sorted(motor for motor in session.scalars(query) if motor)
 
     def prospects(self, caller: Caller, run_ids: Sequence[str]) -> dict[str, Any]:
-        """Preview of several training runs: contradictions, excitation, and precision to expect.
-
-        Raises:
-            RunRefused: Examining the runs exceeds the limits.
-        """
+        """Preview of several training runs: contradictions, excitation, and precision to expect."""
         with self._database.reading() as session:
             rows = [queries.known(session, RunRow, caller.workspace, each) for each in run_ids]
         key = tuple(run_ids)

@@ -99,9 +99,6 @@ class PendingRuns:
 
         The mapping is kept even if the file cannot be read with it, so that nothing that the user
         selected is lost; only a mapping that reads the file is saved for the bench.
-
-        Raises:
-            RunRefused: Examining the file exceeds the limits.
         """
         chosen = None if mapping is None else dict(mapping)
         with self._database.writing() as session:
@@ -165,12 +162,7 @@ class PendingRuns:
             session.add(row)
 
     def relabel(self, caller: Caller, motor: str | None, bench: str | None) -> None:
-        """Set motor and bench of all pending runs; the mapping of a new bench is applied.
-
-        Raises:
-            FieldRefused: A name is not accepted.
-            RunRefused: Examining a file exceeds the limits.
-        """
+        """Set motor and bench of all pending runs; the mapping of a new bench is applied."""
         motor, bench = checked_label("motor", motor), checked_label("bench", bench)
         with self._database.reading() as session:
             saved = _mapping_of_bench(session, caller.workspace, bench)
@@ -188,11 +180,7 @@ class PendingRuns:
                     row.mapping, row.found = found["mapping"], found
 
     def confirm(self, caller: Caller) -> tuple[int, int]:
-        """Make a run of each pending run that can be read.
-
-        Returns:
-            Number of new runs, and of files that had been stored before with the same mapping.
-        """
+        """Make a run of each pending run that can be read; return how many are new, and known."""
         new = known = 0
         for row in self.all(caller):
             if row.found["summary"] is None:

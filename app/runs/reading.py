@@ -38,7 +38,11 @@ _START_S = 60.0
 
 
 class RunReader:
-    """Reader that parses runs in child processes of a fork server for `app.runs.parser`."""
+    """Reader that parses runs in child processes of a fork server for `app.runs.parser`.
+
+    Each method raises `RunRefused` if the file is no run or exceeds the limits, and `Unavailable`
+    if it cannot be read now.
+    """
 
     def __init__(self, fork_server: ForkServer, limits: ProcessLimits, max_rows: int) -> None:
         self._fork_server = fork_server
@@ -46,24 +50,11 @@ class RunReader:
         self._max_rows = max_rows
 
     def read(self, path: Path, name: str, mapping: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Parse a run file and return a summary of its content.
-
-        Returns:
-            Number of rows, sample rate, duration, channels with their ranges, and warnings.
-
-        Raises:
-            RunRefused: The file is not a valid run, or parsing it exceeds the limits.
-            Unavailable: The file cannot be parsed now.
-        """
+        """Rows, sample rate, duration, channels with their ranges, and warnings of a run file."""
         return self._ask("run", path, name, mapping)
 
     def preview(self, path: Path, name: str, mapping: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Examine a run file as `motorid check` does.
-
-        Raises:
-            RunRefused: Examining the file exceeds the limits.
-            Unavailable: The file cannot be examined now.
-        """
+        """Examine a run file as `motorid check` does."""
         return self._ask("preview", path, name, mapping)
 
     def pending(
@@ -76,22 +67,13 @@ class RunReader:
         Returns:
             The mapping used, columns, suggested column of each channel, preview, summary (None if
             the file cannot be read) and plotted samples.
-
-        Raises:
-            RunRefused: Examining the file exceeds the limits.
-            Unavailable: The file cannot be examined now.
         """
         return self._ask("pending", path, name, mapping, is_of_bench=is_of_bench)
 
     def prospects(
         self, files: Sequence[tuple[Path, str, Mapping[str, Any] | None]]
     ) -> dict[str, Any]:
-        """Preview of several runs of one motor, with the precision that a fit of them can reach.
-
-        Raises:
-            RunRefused: Examining the files exceeds the limits.
-            Unavailable: The files cannot be examined now.
-        """
+        """Preview of several runs of one motor, with the precision that a fit of them can reach."""
         path, name, mapping = files[0]
         further = [(str(path), name, mapping) for path, name, mapping in files[1:]]
         return self._ask("preview", path, name, mapping, further=further)

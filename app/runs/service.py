@@ -74,12 +74,7 @@ class RunService:
         return row, is_new
 
     def preview(self, upload: Upload) -> dict[str, Any]:
-        """Examine an upload without storing it, as `motorid check` does.
-
-        Raises:
-            RunRefused: Examining the file exceeds the limits.
-            FieldRefused: The mapping is invalid.
-        """
+        """Examine an upload without storing it, as `motorid check` does."""
         mapping = _mapping(upload.fields.get("mapping"))
         return self._reader.preview(upload.path, upload.name, mapping)
 
@@ -156,11 +151,7 @@ class RunService:
     def page(
         self, caller: Caller, *, after: str | None, limit: int, motor: str | None
     ) -> tuple[Sequence[RunRow], str | None]:
-        """Page of runs, newest first, and the cursor of the next page, if any.
-
-        Raises:
-            FieldRefused: `after` is not a cursor of this service.
-        """
+        """Page of runs, newest first, and the cursor of the next page, if any."""
         with self._database.reading() as session:
             return queries.page(
                 session, RunRow, caller.workspace, after=after, limit=limit, motor=motor

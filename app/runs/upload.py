@@ -80,15 +80,11 @@ def label(name: str) -> str:
 
 
 class UploadForm:
-    """Parser of a form while it arrives.
+    """Parser of a form while it arrives, into a file that does not exist yet.
+
+    The file and the fields accepted besides it have maximum sizes [bytes].
 
     As a context manager, it deletes the written file if an exception occurs.
-
-    Args:
-        boundary: Boundary between the parts.
-        target: Path of the file; nothing exists there yet.
-        limit: Maximum size of the file [bytes].
-        accepted: Accepted fields in addition to `file`, with their maximum sizes [bytes].
 
     Raises:
         BadRequest: The boundary is invalid.

@@ -57,11 +57,6 @@ class Admission:
 def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOptions) -> Admission:
     """Check all runs and decide which are fitted.
 
-    Args:
-        training: Training runs given.
-        validation: Validation runs given.
-        options: Whether contradictory runs are set aside, and whether contradictions are accepted.
-
     Raises:
         ContradictoryRuns: Runs contradict physics or each other, and the options do not resolve it;
             the message lists all findings.

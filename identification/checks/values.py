@@ -22,10 +22,6 @@ def check_values(training: Sequence[Run], validation: Sequence[Run]) -> None:
 
     A run need not come from the file reader, whose limits are tighter.
 
-    Args:
-        training: Runs to fit.
-        validation: Validation runs.
-
     Raises:
         InputError: There are too few samples, time does not increase, or a value is not finite or
             too large to be squared.

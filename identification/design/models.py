@@ -137,15 +137,11 @@ def _model(entry: Mapping[str, Any]) -> DesignModel:
 
 
 def nameplate_models(plate: Nameplate, stall_current: float) -> list[DesignModel]:
-    """Nominal model of a motor with a nameplate, once for each typical mechanical time constant.
+    """Nominal model of a nameplate, once for each typical mechanical time constant.
 
     Inertia and inductance are not on a nameplate.  Their priors follow from typical time constants:
     10, 50 and 250 ms with a factor of 2.2 for the mechanical one, 1 ms with a factor of 2.7 for the
     electrical one.
-
-    Args:
-        plate: Parameters that follow from the nameplate.
-        stall_current: Stall current [A].
 
     Raises:
         OptionError: The nameplate does not determine both Ra25 and Kt25.

@@ -119,13 +119,7 @@ class Designer:
         return None if voltage is None else self.scored(profile, voltage, temperature)
 
     def scored(self, profile: Profile, voltage: Array, temperature: float) -> Candidate | None:
-        """A run with its score; None if a model diverges.
-
-        Args:
-            profile: Its profile.
-            voltage: (n_sample,) [V].
-            temperature: Its temperature [degC].
-        """
+        """A run, its voltage (n_sample,) [V], with its score; None if a model diverges."""
         responses = tuple(p.response(voltage, temperature) for p in self.predictors)
         if not all(
             np.isfinite(one.mean).all() and np.isfinite(one.sensitivity).all() for one in responses

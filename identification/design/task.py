@@ -142,10 +142,6 @@ def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
 def task_of_nameplate(text: str, options: DesignOptions) -> Task:
     """Task of the first run of a motor: narrow the parameters that a nameplate leaves open.
 
-    Args:
-        text: Nameplate, ``KEY=VALUE,...``; see `identification.nameplate`.
-        options: Options of the user.
-
     Raises:
         OptionError: The nameplate or an option is not accepted.
     """

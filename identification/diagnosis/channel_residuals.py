@@ -119,10 +119,9 @@ class ChannelResiduals:
         return float(stats.chi2.sf(statistic, lags - order))
 
     def voltage_outside(self, level: float) -> float:
-        """Fraction of lags at which the correlation with the voltage leaves a band for all lags.
+        """Fraction of lags at which the correlation with the voltage leaves a band.
 
-        Args:
-            level: Probability that any lag of a complete model is outside.
+        `level` is the probability that any lag of a complete model is outside.
         """
         lag = min(_BEYOND, max(max(r.size for r in self.residuals) // 4, 1))
         each = 1.0 - level / (2 * lag + 1)

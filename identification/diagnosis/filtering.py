@@ -142,10 +142,9 @@ def updated(
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Measurement update by one channel.
 
-    The variance of the white noise is divided by the weight; at weight zero the state is unchanged.
+    Return mean, covariance, innovations (1, n_column) and inverse innovation variance.
 
-    Returns:
-        Mean, covariance, innovations (1, n_column) and inverse innovation variance.
+    The variance of the white noise is divided by the weight; at weight zero the state is unchanged.
     """
     gain = ca.mtimes(covariance, row.T)
     inverse = weight / (weight * ca.mtimes(row, gain) + white)

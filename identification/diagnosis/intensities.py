@@ -120,14 +120,10 @@ def maximum_likelihood(
     start: Array | None = None,
     rival: float | None = None,
 ) -> Hyperparameters:
-    """Maximum likelihood hyperparameters.
+    """Maximum likelihood hyperparameters of independent segments, from a start (11,) or a grid.
 
-    Args:
-        deviation: The linear model.
-        pieces: Independent segments of the records.
-        allowed: Whether a missing voltage and a missing torque are allowed.
-        start: (11,) starting point; the best point of a grid if None.
-        rival: Log likelihood to compare the result with, see `maximise`.
+    `allowed` says whether a missing voltage and a missing torque are allowed; `rival` is a log
+    likelihood to compare with, see `maximise`.
     """
     lower, upper = _bounds(deviation, pieces, allowed)
 

@@ -156,10 +156,7 @@ class AbstractEffect(AbstractTerm):
         return ""
 
     def expecting(self, size: float) -> Self:
-        """The term with this prior standard deviation of its per-record amplitudes.
-
-        Args:
-            size: Standard deviation, in the unit of the amplitudes.
+        """The term with this standard deviation of its per-record amplitudes [their unit].
 
         Raises:
             NotImplementedError: The term has no per-record amplitudes.

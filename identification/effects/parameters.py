@@ -17,13 +17,8 @@ def amplitude(
 ) -> Parameter:
     """Parameter to which the effect is proportional.
 
-    Args:
-        name: Name in the result.
-        unit: Unit.
-        meaning: One phrase.
-        size: Scale of the quantity that the effect changes; the prior's standard deviation is
-            three times as large [unit].
-        signed: Whether it may be negative.
+    `size` is the scale of the quantity that the effect changes; the prior's standard deviation is
+    three times as large [unit].
     """
     lower = -np.inf if signed else 0.0
     return Parameter(name, unit, meaning, scale=size, lower=lower, prior_sd=3.0)
@@ -38,15 +33,11 @@ def asymmetry() -> Parameter:
 def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Parameter:
     """Positive shape parameter, searched in its logarithm.
 
+    The bounds [unit] are the smallest and the largest value that is distinguishable from a limit
+    case.
+
     The prior is normal in the logarithm and broad: its standard deviation is twice that of a
     uniform distribution between the bounds.
-
-    Args:
-        name: Name in the result.
-        unit: Unit.
-        meaning: One phrase.
-        lower: Smallest value that is distinguishable from a limit case [unit].
-        upper: Largest such value [unit].
     """
     middle = float(np.sqrt(lower * upper))
     width = float(np.log(upper / lower) / np.sqrt(12.0))

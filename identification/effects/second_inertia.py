@@ -41,12 +41,10 @@ class AbstractSecondInertia(AbstractEffect, AbstractTorque, AbstractCoefficient)
 
     @abstractmethod
     def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:
-        """Acceleration a of the second inertia by the joint [rad/s^2].
+        """Acceleration of the second inertia by the joint [rad/s^2].
 
-        Args:
-            twist: Angle of the rotor minus that of the second inertia [rad].
-            slip: Speed of the rotor minus that of the second inertia [rad/s].
-            values: Parameters of the term and the nominal ones.
+        Twist [rad] and slip [rad/s] are the angle and the speed of the rotor minus those of the
+        second inertia; the values are the parameters of the term and the nominal ones.
         """
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:

@@ -134,11 +134,7 @@ def _fmu(request: Request, fmi: Literal[2, 3]) -> Export:
 def _equations(template: str, language: Language, *, delays: bool, linear: bool) -> Writer:
     """Writer of a format with the continuous equations.
 
-    Args:
-        template: Name of its template.
-        language: Its language.
-        delays: Whether it holds delays of channels.
-        linear: Whether it holds the linear motor with samples.
+    `delays` and `linear` say whether it holds delays of channels, and the linear motor with draws.
     """
 
     def write(request: Request) -> Export:

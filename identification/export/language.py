@@ -184,13 +184,9 @@ def printed(
     inputs: Sequence[str | Sequence[str]],
     outputs: Sequence[str],
 ) -> Printed:
-    """Assignments that compute an SX function.
+    """Assignments that compute an SX function with dense vectors.
 
-    Args:
-        function: The function; its inputs and outputs are dense vectors.
-        language: Spelling of the result.
-        inputs: For each input the name of its array, or a name of each element.
-        outputs: Name of the array of each output.
+    An input has the name of its array or one of each element, an output that of its array.
 
     Raises:
         ComputationError: The function has an operation that the language lacks.

@@ -66,11 +66,7 @@ def drift_of(now: Estimate | None, before: Estimate | None) -> Drift | None:
 
 
 def drifts(refits: Sequence[Refit]) -> list[dict[str, Drift]]:
-    """Changes of all motors since their previous refits, with p-values adjusted over the table.
-
-    Returns:
-        For each motor the changes by parameter name; empty if it has no previous refit.
-    """
+    """Changes of each motor since its previous refit, with p-values adjusted over all motors."""
     found = [
         {
             name: drift

@@ -242,9 +242,7 @@ def _probabilities(change: _Change) -> tuple[dict[str, float], dict[str, float]]
 def _ray_bayes_factor(size: float, strength: float) -> float:
     """Log Bayes factor of a change of positive size along one direction against no change.
 
-    Args:
-        size: Generalised least squares estimate of the size.
-        strength: Its precision, u' C^-1 u.
+    The strength is the precision of the generalised least squares estimate of the size, u' C^-1 u.
     """
     from scipy.special import log_ndtr
 

@@ -67,15 +67,7 @@ def marks_of(
     changes: Sequence[dict[str, Drift]],
     pooled: Mapping[int, Quantiles],
 ) -> list[Mark]:
-    """Motors whose data identify a parameter, sorted by median.
-
-    Args:
-        name: Name of the parameter.
-        refits: The fleet.
-        spread: Distribution of the parameter over the fleet.
-        changes: Changes of each motor by parameter name.
-        pooled: Pooled quantiles by index of the fleet.
-    """
+    """Motors whose data identify a parameter, sorted by median; pooled quantiles are by index."""
     marks = []
     for index, refit in enumerate(refits):
         estimate = refit.estimates.get(name)

@@ -21,17 +21,10 @@ _MOST_LABELS = 4
 def history_figure(
     name: str, refits: Sequence[Refit], changes: Sequence[dict[str, Drift]], labels: Sequence[str]
 ) -> str:
-    """Medians with their 90 % intervals, in the order of the fits.
+    """SVG of medians with 90 % intervals over fits, oldest first; empty if none identifies it.
 
-    Args:
-        name: Name of a nominal parameter.
-        refits: Fits of one motor, oldest first.
-        changes: Change of each fit against the fit before it, by parameter name; significant ones
-            are highlighted.
-        labels: Text below each fit, such as its date.
-
-    Returns:
-        SVG text; empty if no fit identifies the parameter.
+    Significant changes against the fit before are highlighted; each fit has a label, such as its
+    date.
     """
     unit = DECLARED_PARAMETERS[name].unit
     shown = [

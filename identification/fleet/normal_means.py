@@ -44,12 +44,11 @@ class Population:
 
 
 def population_of(values: Array, sds: Array, scale: float) -> Population:
-    """Posterior of a population from the estimates of its groups.
+    """Posterior of a population from estimates (n_group,) of its groups.
 
-    Args:
-        values: (n_group,) estimates; ignored where the standard deviation is infinite.
-        sds: (n_group,) their standard deviations, at least two of them finite and all positive.
-        scale: Scale of the half-t prior of tau, in the unit of `values`.
+    At least two standard deviations (n_group,) are finite, and all are positive; an estimate with
+    an infinite one is ignored. `scale` is that of the half-t prior of tau, in the unit of the
+    values.
     """
     has_estimate = np.isfinite(sds)
     y, s = values[has_estimate], sds[has_estimate]
@@ -96,10 +95,7 @@ def _grid(values: Array, sds: Array, scale: float) -> Array:
 def _mixture_quantiles(weights: Array, centres: Array, deviations: Array) -> Array:
     """(n_group, 3) quantiles of mixtures of normal distributions, by bisection.
 
-    Args:
-        weights: (n_tau,) weights.
-        centres: (n_tau, n_group) means.
-        deviations: (n_tau, n_group) standard deviations.
+    The weights are (n_tau,), means and standard deviations (n_tau, n_group).
     """
     # Lazy import: loading SciPy takes longer than building the table.
     from scipy.special import ndtr, ndtri

@@ -80,8 +80,7 @@ def scores_of(
 ) -> tuple[tuple[float | None, ...], float]:
     """Deviation of each value from the median in robust standard deviations, and the scaled MAD.
 
-    Args:
-        pairs: Value and standard deviation of each motor, at least one of them not None.
+    The pairs are values and standard deviations, at least one of them not None.
     """
     values = np.array([pair[0] for pair in pairs if pair is not None])
     centre = float(np.median(values))

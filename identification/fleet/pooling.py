@@ -90,15 +90,10 @@ def pools_of(refits: Sequence[Refit]) -> list[Pool]:
 def _pool(
     kind: str, name: str, unit: str, own: Mapping[int, Estimate], scale: float | None
 ) -> Pool | None:
-    """Pool one quantity of one type; None if too few motors determine it.
+    """Pool one quantity of one type of motor; None if too few motors determine it.
 
-    Args:
-        kind: Type of the motors.
-        name: Name of the quantity.
-        unit: Its unit.
-        own: Estimates by index of the fleet.
-        scale: Prior scale of the spread in `unit`; None for an effect size, whose spread is
-            relative to its magnitude.
+    The prior scale of the spread is in `unit`; None for an effect size, whose spread is relative to
+    its magnitude.
     """
     usable = {n: one for n, one in own.items() if one.usable and one.usable[1] > 0.0}
     if len(usable) < LEAST_POOLED:

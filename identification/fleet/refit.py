@@ -120,17 +120,7 @@ def refit_of(
     link: str = "",
     motor_type: str = "",
 ) -> Refit:
-    """Extract the compared parts of a result.
-
-    Args:
-        motor: Name of the motor.
-        status: Status of its fit.
-        result: Content of result.json; absent members count as unknown.
-        fit: Id or location of the fit.
-        ended_at: End of the fit, UTC, ISO 8601.
-        link: Address of its report.
-        motor_type: Type of the motor.
-    """
+    """Extract the compared parts of a result; absent members count as unknown."""
     parameters = result.get("parameters") or {}
     after = (result.get("errors") or {}).get("after") or {}
     return Refit(

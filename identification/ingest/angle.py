@@ -33,16 +33,7 @@ _WIDTHS = (8, 16, 24, 32)
 
 
 def unwrapped(cells: Array, time: Array, channel: Channel, locator: SourceLocator) -> Array:
-    """Remove the jumps of an angle or a counter by its period.
-
-    Args:
-        cells: (n_sample,) angle in the units of the file.
-        time: (n_sample,) [s].
-        channel: Its channel, with the period if the mapping gives it.
-        locator: Source of the channel, for errors.
-
-    Returns:
-        Angle without jumps, in the units of the file.
+    """Angle (n_sample,) or counter, in the units of the file, without its jumps by a period.
 
     Raises:
         AmbiguousAngle: The period is not known, or the motor turns too fast for it.

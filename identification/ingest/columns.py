@@ -73,15 +73,10 @@ def read_columns(header: tuple[tuple[str, ...], ...]) -> list[Column]:
 
 
 def describe_column(index: int, names: Sequence[str], units: Sequence[str] = ()) -> Column:
-    """Describe one column.
+    """Describe one column; its unit decides between the quantities that its names may stand for.
 
-    Args:
-        index: Position in the table, counted from 0.
-        names: Its names, such as a long and a short one; a name may contain a unit.
-        units: Its units, where the file gives them apart from the names.
-
-    Returns:
-        The column; its unit decides between the quantities that the names may stand for.
+    A column has names, such as a long and a short one, which may contain a unit, and units where
+    the file gives them apart from the names.
     """
     texts = tuple(dict.fromkeys(name.strip() for name in names if name.strip()))
     parsed = [read_header(text) for text in texts]

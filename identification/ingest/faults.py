@@ -86,9 +86,6 @@ class Faults:
     def refuse(self, remark: str = "") -> None:
         """Raise the first fault, with the first ones of the other columns as `further`.
 
-        Args:
-            remark: Appended to the message of the first fault.
-
         Raises:
             RunFileError: There are faults.
         """

@@ -123,9 +123,6 @@ def unpacked(file: RunFile) -> RunFile:
 def open_run_file(path: Path, name: str, limits: Limits) -> Iterator[RunFile]:
     """Open a regular file.
 
-    Yields:
-        The open file.
-
     Raises:
         UnreadableFile: The file is missing, not a regular file, or not readable.
         FileTooLarge: The file exceeds the limit of bytes.

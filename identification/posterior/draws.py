@@ -34,18 +34,10 @@ def final_draws(
     progress: Callable[[float], None],
     checkpoint: Checkpoint | None,
 ) -> tuple[Sample | None, dict[str, Array]]:
-    """The chain, if requested, and draws that include the non-identifiable directions.
+    """The chain, if requested, and draws (n_draw,) that include the non-identifiable directions.
 
-    Args:
-        posterior: Density of the final model.
-        lines: Linear parts that belong either to a curve or to a nominal parameter.
-        omitted: Terms that are not in the model and could change its parameters.
-        options: Options of the user.
-        progress: Called with the completed fraction of the chain.
-        checkpoint: Where the chain is saved.
-
-    Returns:
-        The chain, None without sampling, and physical draws by name, (n_draw,) each.
+    The linear parts belong either to a curve or to a nominal parameter; the omitted terms could
+    change the parameters.
 
     Raises:
         ComputationError: A draw is infinite or NaN.

@@ -58,11 +58,7 @@ def largest_shape(draws: int) -> float:
 def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np.inf) -> Weighted:
     """Draws from the posterior by importance resampling.
 
-    Args:
-        posterior: The density.
-        seed: Seed of the draws.
-        count: Number of points to return.
-        work: Operation budget of the draws; at least a thousand are made in any case.
+    At least a thousand draws are made, whatever the operation budget.
     """
     draws = int(np.clip(_BATCH * work / posterior.work(_BATCH), _LEAST_DRAWS, _DRAWS))
     proposal = StudentProposal(posterior.centre, _INFLATION * posterior.covariance(), _FREEDOM)
@@ -81,14 +77,10 @@ def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np
 
 
 def smoothed(log_weights: Array) -> tuple[Array, float]:
-    """Importance weights with the largest ones smoothed by a Pareto distribution.
+    """Importance weights (n_draw,) from log weights, the largest smoothed by a Pareto distribution.
 
-    Args:
-        log_weights: (n_draw,) logarithms of the raw weights; minus infinity for zero weight.
-
-    Returns:
-        (n_draw,) weights with sum one, and the shape k of their tail; infinite if too few weights
-        are positive, zero if the largest weights are equal.
+    The weights have the sum one.  The shape k of their tail is infinite if too few weights are
+    positive, zero if the largest weights are equal.
     """
     count = log_weights.size
     finite = np.isfinite(log_weights)

@@ -48,10 +48,7 @@ class StudentProposal:
 class RidgeProposal:
     """Draws of the position along a traced ridge, with a multivariate t across it.
 
-    Args:
-        ridge: The traced ridge.
-        noise: (n_noise,) centre of the log noise deviations, which the ridge does not contain.
-        noise_sd: (n_noise,) their standard deviations.
+    The log noise deviations (n_noise,), which the ridge does not contain, are drawn around `noise`.
     """
 
     def __init__(self, ridge: Ridge, noise: Array, noise_sd: Array) -> None:

@@ -89,13 +89,8 @@ def sample(
 ) -> Sample:
     """Sample until the chain is 50 autocorrelation times long.
 
-    Args:
-        posterior: The density.
-        seed: Seed; the same seed gives the same chain.
-        most_steps: Largest number of steps; `Convergence.reached` is False if it ends the chain.
-        work: Operations after which the chain stops, counted in whole chunks of steps.
-        progress: Called with the fraction done.
-        checkpoint: Where the chain is saved while it grows, and from which it resumes.
+    The chain also stops after `most_steps` or, in whole chunks of steps, after the operations
+    `work`; a checkpoint saves it while it grows, and resumes it.
     """
     covariance = posterior.covariance()
     n_dim = covariance.shape[0]

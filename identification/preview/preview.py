@@ -169,13 +169,7 @@ def examine(
     names: Sequence[str | None] = (),
     limits: Limits | None = None,
 ) -> Preview:
-    """Read and examine runs; the precision is left out.
-
-    Args:
-        given: Runs of one motor, paths of run files or DataFrames, or a single one.
-        mapping: Columns of the channels; see `read_run`.
-        names: Name of each run; default: the file names.
-        limits: Size limits of the files.
+    """Read and examine runs of one motor; the precision is left out.
 
     Raises:
         InputError: An object is neither a run nor a path nor a DataFrame.

@@ -29,13 +29,8 @@ _NAMES: Final = {"L": "electrical", "J": "mechanical"}
 def sampling_advice(values: Mapping[str, float], interval: float) -> dict[str, str]:
     """Sampling rate to record at, for each parameter whose transient is not resolved.
 
-    Args:
-        values: Estimates of the nominal parameters [their units].
-        interval: Sampling interval [s].
-
-    Returns:
-        Advice by parameter: for L where the electrical transient is not resolved, for all
-        parameters without a temperature where neither is.
+    That is L where the electrical transient is shorter than the interval [s], and all parameters
+    without a temperature where the mechanical one is, too.
     """
     passed = _unresolved(values, interval)
     rates = {name: _WANTED[name] / time for name, time in passed.items()}

@@ -121,11 +121,7 @@ def _fitting(
 ) -> tuple[dict[str, Column], bool, int]:
     """Columns, whether they hold all samples, and the number of buckets otherwise.
 
-    Args:
-        run: The run.
-        noise: Standard deviations of the sensor noise.
-        room: Largest size of the columns with all samples [bytes].
-        share: Size of columns with extremes only [bytes].
+    `room` is the largest size of columns with all samples, `share` that with extremes only [bytes].
     """
     everything = _table(run, noise, np.arange(run.time.size))
     columns = everything.stored()
@@ -224,14 +220,9 @@ def _rounded(values: Array, step: float) -> Array:
 
 
 def encoded(values: Array, step: float = 0.0) -> Column:
-    """Encode a column.
+    """Encode a column (n_sample,), not finite where missing, in steps or 1/16384 of its range.
 
-    Args:
-        values: (n_sample,); not finite where missing.
-        step: Rounding step; 0 for 1/16384 of the range.
-
-    Returns:
-        The column; errors are at most half its step, which may exceed `step` for a wide range.
+    Errors are at most half a step of the column, which may exceed `step` for a wide range.
     """
     low, step, whole = _words(values, step)
     finite = np.isfinite(values)
@@ -263,14 +254,9 @@ def _stretches(mask: NDArray[np.bool_]) -> list[int]:
 
 
 def extremes(channels: Sequence[Array], buckets: int) -> Indices:
-    """Indices of the samples to keep: extremes of every channel in every bucket, and both ends.
+    """Increasing indices of extremes of every channel in every bucket, and of both ends.
 
-    Args:
-        channels: (n_sample,) each; plotted over the same time axis.
-        buckets: Number of buckets with equally many samples.
-
-    Returns:
-        (n_kept,) increasing indices; all samples if the record is short.
+    The channels (n_sample,) share a time axis.  A short record keeps all samples.
     """
     size = channels[0].size
     if size <= 2 * buckets:

@@ -44,15 +44,10 @@ class ReportFigure:
 
 
 def report_figures(text: str, section: str) -> list[ReportFigure]:
-    """Charts of one section of a report, in their order.
+    """Charts of the section of a report with an id, in their order; empty if it has none.
 
-    Args:
-        text: The report.
-        section: Id of the section: ``missing`` for the evidence of the effects, ``loop`` for the
-            step responses.
-
-    Returns:
-        The figures; empty if the report has no such section, without those that cannot be drawn.
+    The section is ``missing`` for the evidence of the effects, ``loop`` for the step responses.
+    Charts that cannot be drawn are omitted.
     """
     found = re.search(_SECTION.format(re.escape(section)), text, re.DOTALL)
     figures = []

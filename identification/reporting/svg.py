@@ -188,13 +188,9 @@ def text(x: float, y: float, content: str, kind: str = "tick", turned: bool = Fa
 
 
 def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 5)) -> str:
-    """Frame with grid, tick labels and axis labels.
+    """Frame with grid, tick labels and axis labels; `about` so many ticks along x and y.
 
-    Args:
-        frame: Plot area.
-        x_label: Label with unit; if empty, the tick labels are omitted as well.
-        y_label: Label with unit; if empty, the tick labels remain.
-        about: Approximate number of ticks along x and along y.
+    An empty label of x omits its tick labels as well.
     """
     left, top, width, height = frame.box
     bottom = top + height

@@ -138,12 +138,6 @@ def shift_entries(
     The interval treats them as independent, which makes it too wide rather than too narrow; `off`
     requires three of its standard deviations.
 
-    Args:
-        parameters: Entries of the final model.
-        declared: Entries of the nominal model.
-        draws: Draws of the final model by name.
-        declared_draws: Draws of the nominal model by name.
-
     Returns:
         By name ``before``, ``after``, ``relative`` (nominal minus final, over the magnitude of the
         final value) and ``off``.

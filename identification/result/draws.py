@@ -35,15 +35,7 @@ _WIDEST: Final = 100.0
 
 
 def chain_draws(posterior: BinaryIO, most: int, name: str | None = None) -> dict[str, Array]:
-    """Draws of the posterior; a longer chain is thinned evenly.
-
-    Args:
-        posterior: Content of posterior.nc.
-        most: Largest number of draws.
-        name: Name of the file for the error.
-
-    Returns:
-        (n_draw,) for each parameter, the nominal ones first.
+    """Draws (n_draw,) of the posterior, the nominal parameters first; a longer chain is thinned.
 
     Raises:
         InputError: The file is not a posterior.
@@ -106,11 +98,6 @@ def check_same_fit(result: Mapping[str, Any], draws: Mapping[str, Array], name: 
     If several models share the posterior, the median of one with the probability p deviates by
     at most 1 / sqrt(p (1 - p)) standard deviations of all of them together, 3.3 for p = 0.1.
 
-    Args:
-        result: Content of result.json.
-        draws: (n_draw,) for each parameter.
-        name: Name of the file of the draws.
-
     Raises:
         InputError: The median of a parameter deviates by more than `_FARTHEST_MEDIAN`.
     """
@@ -135,18 +122,10 @@ def check_same_fit(result: Mapping[str, Any], draws: Mapping[str, Array], name: 
 def normal_draws(
     result: Mapping[str, Any], count: int, name: str | None = None
 ) -> dict[str, Array]:
-    """Normal draws from the medians, standard deviations and correlations of a result.
+    """Normal draws (n_draw,) from medians, standard deviations and correlations of a result.
 
     Results of earlier versions hold no correlations; their draws are independent.  Either way,
     intervals from these draws are approximate.
-
-    Args:
-        result: Content of result.json.
-        count: Number of draws.
-        name: Name of the file for the error.
-
-    Returns:
-        (n_draw,) for each parameter.
 
     Raises:
         InputError: The result lacks a parameter.

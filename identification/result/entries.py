@@ -47,14 +47,7 @@ _QUANTILES: Final = (0.05, 0.5, 0.95)
 
 
 def finite_or_null(value: object) -> Any:
-    """Convert to plain Python types, with None for every number that is not finite.
-
-    Args:
-        value: Mappings, sequences, NumPy arrays and scalars, strings and None, in any nesting.
-
-    Returns:
-        Dicts, lists, str, int, float, bool and None, ready for JSON.
-    """
+    """Plain Python types of nested arrays and scalars, None for numbers that are not finite."""
     if isinstance(value, Mapping):
         return {str(key): finite_or_null(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -67,18 +60,11 @@ def finite_or_null(value: object) -> Any:
 
 
 def quantity_entry(draws: ArrayLike, unit: str) -> dict[str, Any]:
-    """QUANTITY from draws.
+    """QUANTITY from draws (n_draw,) in `unit`; NaN or infinity where undefined.
 
     A metric can be undefined for some draws: an unstable loop has no settling time.  The statistics
     then cover the draws for which it is defined, and ``defined_fraction`` is the fraction of these
     draws.  If no draw defines the metric, all statistics are null.
-
-    Args:
-        draws: (n_draw,) in `unit`; NaN or infinity where undefined.
-        unit: Unit as the contract spells it.
-
-    Returns:
-        Mean, standard deviation, quantiles, unit, and ``defined_fraction`` if it is below 1.
     """
     values = np.asarray(draws, dtype=np.float64).ravel()
     finite = values[np.isfinite(values)]

@@ -34,17 +34,11 @@ class Density:
 def density(
     x: Array, y: Array, limits: tuple[tuple[float, float], tuple[float, float]], cells: int = 36
 ) -> Density:
-    """Smoothed histogram of draws.
+    """Smoothed histogram of draws (n_draw,) over ranges of x and y, with cells along each axis.
 
     The standard deviation of the smoothing kernel is n^(-1/6) (Scott's rule in two dimensions)
     times the conditional standard deviation of one parameter given the other, so that a narrow
     ridge is not smeared into a lobe.
-
-    Args:
-        x: (n_draw,).
-        y: (n_draw,).
-        limits: Ranges of x and y that the grid covers.
-        cells: Number of cells along each axis.
     """
     counts, y_edges, x_edges = np.histogram2d(y, x, bins=cells, range=(limits[1], limits[0]))
     together = float(np.corrcoef(x, y)[0, 1]) if min(x.std(), y.std()) > 0.0 else 0.0
@@ -73,16 +67,9 @@ def enclosing_heights(height: Array, shares: Sequence[float]) -> list[float]:
 
 
 def outlines(found: Density, level: float) -> list[Array]:
-    """Closed contours of the region above `level`.
+    """Closed contours, (n_point, 2) each, of the region above a level of density.
 
     The density counts as zero beyond the grid, so that every contour closes.
-
-    Args:
-        found: The density.
-        level: Density at which to cut.
-
-    Returns:
-        One (n_point, 2) array of x and y for each contour.
     """
     padded = np.pad(found.height, 1)
     x, y = _beyond(found.x), _beyond(found.y)

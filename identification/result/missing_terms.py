@@ -85,13 +85,7 @@ def missing_terms(final: Fit, found: PathSamples) -> list[MissingTerm]:
 def unexplained_terms(
     trace: Mapping[str, Any], missing: Sequence[Missing], signals: Mapping[str, Array]
 ) -> list[MissingTerm]:
-    """Plot data of the significant missing terms against their best driver if no effect was fitted.
-
-    Args:
-        trace: Member ``diagnosis.trace`` of the result.
-        missing: The missing terms, one per record.
-        signals: Each driver at the sample times of all missing terms.
-    """
+    """Plot data of significant missing terms against their best driver, without an effect."""
     plots = []
     for column, equation in enumerate(_EQUATIONS):
         if not missing or not trace.get(equation, {}).get("significant"):
@@ -208,9 +202,7 @@ def _together(terms: Sequence[AbstractTerm], column: int, found: PathSamples) ->
 def _telling(effect: Array, size: int) -> NDArray[np.int_]:
     """Sample indices to plot: the whole record, or a section that resolves single oscillations.
 
-    Args:
-        effect: (n_point,) the effect at points spread over the record.
-        size: Number of samples of the record.
+    The effect is (n_point,) at points spread over the record, `size` its number of samples.
     """
     swings = float(np.abs(np.diff(effect)).sum()) / (float(np.ptp(effect)) or 1.0)
     length = int(size * min(1.0, _SWINGS / max(swings, 1e-9)))

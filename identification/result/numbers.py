@@ -60,14 +60,6 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
     and one digit if it begins with 355 to 949.
 
     Source: Particle Data Group, Review of Particle Physics, introduction, section 5.3.
-
-    Args:
-        median: The value; None if unknown.
-        low: Lower end, in the same unit.
-        high: Upper end, in the same unit.
-
-    Returns:
-        Texts; an unknown part is an en dash.
     """
     median, low, high = _known(median), _known(low), _known(high)
     known = [value for value in (median, low, high) if value is not None]
@@ -136,12 +128,7 @@ def probability_text(share: float | None) -> str:
 def unit_prefix(unit: str, values: Iterable[float | None]) -> tuple[float, str]:
     """Factor and unit in which people read times and inductances: 2.12 ms rather than 0.00212 s.
 
-    Args:
-        unit: Unit of the values; only s and H get a prefix.
-        values: Numbers that share the unit, such as one row of a table.
-
-    Returns:
-        Factor to multiply the values by, and the unit of the product.
+    The values share the unit, such as one row of a table; only s and H get a prefix.
     """
     sizes = [abs(value) for value in map(_known, values) if value]
     if unit not in ("s", "H") or not sizes or max(sizes) >= 1.0 or max(sizes) < 1e-7:

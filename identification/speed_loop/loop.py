@@ -74,18 +74,12 @@ class Loop:
 
 
 def motor_draws(draws: Mapping[str, ArrayLike], temperatures: Sequence[float]) -> dict[str, Array]:
-    """Draws of the nominal parameters, validated and broadcast to one length.
+    """Draws (n_draw,) of the nominal parameters, validated and broadcast to one length.
+
+    Other names are ignored.
 
     The temperature coefficients may be omitted if only 25 degC is requested, where they have no
     influence.
-
-    Args:
-        draws: Values by parameter name, (n_draw,) or single numbers; names other than the nominal
-            parameters are ignored.
-        temperatures: Requested temperatures [degC].
-
-    Returns:
-        (n_draw,) for each nominal parameter.
 
     Raises:
         OptionError: A parameter is missing, not finite, of another length, or has a physically

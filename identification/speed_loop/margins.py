@@ -106,13 +106,10 @@ def _nearest_to_zero(candidates: Array) -> Array:
 
 
 def _positive(squared: Array) -> Array:
-    """Falling frequencies omega > 0 whose square is a root of a polynomial in falling powers.
+    """Frequencies omega > 0 whose square is a root of a polynomial, (n_loop, n_root), falling.
 
-    Args:
-        squared: (n_loop, n_root + 1); leading coefficients may be 0.
-
-    Returns:
-        (n_loop, n_root), padded with NaN.
+    The polynomials (n_loop, n_root + 1) are in falling powers, leading coefficients may be 0; NaN
+    pads missing roots.
     """
     frequencies = np.full((squared.shape[0], squared.shape[1] - 1), np.nan)
     leading = (squared != 0).argmax(axis=1)

@@ -120,9 +120,7 @@ class Modes:
 def _divided_difference(poles: Complex, time: Array) -> Complex:
     """f[p_1, ..., p_k] by recursion on the most distant pair, or by a series if all are close.
 
-    Args:
-        poles: (n_time, k) [1/s].
-        time: (n_time,) [s].
+    Poles (n_time, k) [1/s], times (n_time,) [s].
     """
     count = poles.shape[1]
     if count == 1:

@@ -73,15 +73,9 @@ def simulated_loops(
 ) -> list[SimulatedLoop]:
     """Step responses of the closed loop with the effects of the final model.
 
-    Args:
-        fit: Fit of the final model; its records define the range of the signals.
-        draws: Values of its parameters by name, (n_draw,) each.
-        temperatures: Temperatures of winding and magnet [degC].
-        controllers: Controllers, or texts that `parse_controller` accepts.
-
-    Returns:
-        In the order of `feedback_metrics`, without controllers whose linear loops do not settle;
-        empty if no effect acts on the motor in a closed loop.
+    The records of the fit define the range of the signals.  The responses are in the order of
+    `feedback_metrics`, without controllers whose linear loops do not settle; empty if no effect
+    acts on the motor in a closed loop.
     """
     model = fit.simulator.model
     terms = acting_terms(model)

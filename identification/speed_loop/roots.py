@@ -30,14 +30,10 @@ _STEPS: Final = 3
 
 
 def monic_roots(coefficients: Array) -> Complex:
-    """Roots of monic polynomials.
+    """Roots (n_polynomial, degree) of monic polynomials (n_polynomial, degree + 1), falling powers.
 
-    Args:
-        coefficients: (n_polynomial, degree + 1), falling powers, the first 1, degree at least 1.
-
-    Returns:
-        (n_polynomial, degree): real roots by rising real part, then conjugate pairs by falling real
-        part, the positive imaginary part first.
+    Real roots by rising real part, then conjugate pairs by falling real part, the positive
+    imaginary part first.
     """
     degree = coefficients.shape[1] - 1
     if degree == 2:

@@ -32,10 +32,7 @@ _JSON: Final[Mapping[object, tuple[tuple[type, ...], str]]] = {
 
 
 def term_of(entry: object) -> AbstractEffect:
-    """The term that an entry of `effects` describes.
-
-    Args:
-        entry: The entry, with `name`, `settings` and, for the effect `unlisted`, `equation`.
+    """The term that an entry of `effects` describes, by `name`, `settings` and `equation`.
 
     Raises:
         InputError: The entry has no name, the effect is unknown, or a setting is missing, unknown

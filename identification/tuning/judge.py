@@ -69,15 +69,7 @@ def slack_at(of_draws: Array, probability: float) -> Array:
 
 
 class Judge:
-    """Judge of controllers for one motor and specification.
-
-    Args:
-        motor: The motor.
-        specification: The specification.
-        temperatures: Temperatures of winding and magnet [degC].
-        step: Step of the reference [rad/s].
-        anti_windup: Whether the integral stops at the limits.
-    """
+    """Judge of controllers for one motor, specification and step of the reference [rad/s]."""
 
     def __init__(
         self,

@@ -69,10 +69,7 @@ def motor_of(
 ) -> UncertainMotor:
     """Motor of a result with its posterior draws, or of nominal parameters alone.
 
-    Args:
-        draws: Values by name, (n_draw,) or single numbers; others than those of the model are
-            ignored.  A parameter of an effect without draws keeps its estimate.
-        result: Content of result.json; None for the nominal model.
+    A parameter of an effect without draws keeps its estimate; other names are ignored.
 
     Raises:
         OptionError: A nominal parameter is missing or not accepted.

@@ -144,8 +144,7 @@ class Specification:
 def parse_specification(text: str | Mapping[str, float]) -> Specification:
     """Parse a specification such as ``rise_time=0.02,overshoot=10,voltage=24``.
 
-    Args:
-        text: NAME=VALUE, separated by commas, semicolons or blanks; or values by name.
+    Commas, semicolons or blanks separate its parts.
 
     Raises:
         OptionError: Names or values are not accepted; the message names all of them.

@@ -56,16 +56,7 @@ def run_batch(
     key: str | None = None,
     show: Show,
 ) -> None:
-    """Fit every motor of a manifest.
-
-    Args:
-        manifest: Path of the manifest.
-        out: Directory for the motors' directories, the table and the page.
-        options: Default options; those in the manifest take precedence.
-        at_once: Number of motors fitted in parallel.
-        server: URL of a service that computes the fits; None computes them on this machine.
-        key: API key of that service.
-        show: Form of the standard output.
+    """Fit every motor of a manifest, whose options take precedence over the given ones.
 
     Raises:
         InputError: The manifest or the directory is invalid.

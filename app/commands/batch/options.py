@@ -69,11 +69,7 @@ class _Option(NamedTuple):
 
 
 def option_of(name: str, word: str, place: Place) -> object:
-    """Parse the text of a CSV cell as the value of an option.
-
-    Raises:
-        InputError: The text is not a value of this option.
-    """
+    """Parse the text of a CSV cell as the value of an option."""
     option = _OPTIONS[name]
     try:
         return option.of_word(word)
@@ -82,11 +78,7 @@ def option_of(name: str, word: str, place: Place) -> object:
 
 
 def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -> FitOptions:
-    """Return the default options, overridden by the given values.
-
-    Raises:
-        InputError: An option is unknown, or a value is invalid.
-    """
+    """Return the default options, overridden by the given values."""
     values: dict[str, Any] = {}
     for name, value in given.items():
         if name not in _OPTIONS:

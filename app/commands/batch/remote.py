@@ -64,11 +64,7 @@ def reached(url: str, key: str | None, first_s: float, later_s: float) -> Iterat
 def fit_all_at(
     service: Client, out: Path, name: str, jobs: Sequence[MotorJob], tell: Tell
 ) -> Iterator[tuple[MotorJob, str]]:
-    """Fit motors on a service; yield each job with its error message, or "" on success.
-
-    Raises:
-        ClientError: The service does not answer, or refuses a call.
-    """
+    """Fit motors on a service; yield each job with its error message, or "" on success."""
     left = list(jobs)
     most = _MOST_MOTORS
     sent: dict[str, dict[str, Any]] = {}

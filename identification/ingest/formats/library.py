@@ -60,9 +60,7 @@ def imported(module: str, what: str) -> ModuleType:
 def decoding(what: str, faults: tuple[type[Exception], ...] = ()) -> Iterator[None]:
     """Turn the faults of a library on damaged bytes into an error; silence its warnings.
 
-    Args:
-        what: Kind of file for the message.
-        faults: Exceptions of the library that no standard class covers.
+    `faults` are exceptions of the library that no standard class covers.
 
     Raises:
         DamagedFile: The library could not decode the file.

@@ -42,15 +42,9 @@ def has_objects(node: Node) -> bool:
 def decoded(
     root: Mapping[str, Node], stream: BinaryIO, names: Sequence[str] | None = None
 ) -> tuple[Mapping[str, Node], str]:
-    """Decode the objects of an open file.
+    """Decode the named or all objects of an open file; the text says why, if they are not decoded.
 
-    Args:
-        root: Its variables, with opaque objects.
-        stream: The open file; mat-io opens it again by its name.
-        names: Variables to decode; default: all.
-
-    Returns:
-        The variables, and the reason why objects are not decoded, empty if they are.
+    mat-io opens the file again by its name.
     """
     if importlib.util.find_spec(_LIBRARY) is None:
         return root, (

@@ -56,10 +56,7 @@ _EXPORT = "export it as a text table (CSV, UTF-8)"
 
 
 def read_blocks(chunks: Iterator[bytes], limits: Limits) -> Iterator[Block]:
-    """Split a text into blocks of whole lines.
-
-    Returns:
-        Blocks in file order, at least one.
+    """Split a text into blocks of whole lines, at least one.
 
     Raises:
         EmptyFile: The file has no bytes.

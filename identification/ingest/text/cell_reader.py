@@ -85,13 +85,8 @@ class CellReader:
     def read(self, text: bytes, first_line: int, lines: SampleLines) -> list[Array]:
         """Read whole lines; one with an invalid cell is added to `faults` and is no sample.
 
-        Args:
-            text: Encoded lines.
-            first_line: Line number of the first of them.
-            lines: Receives the line number of every sample.
-
-        Returns:
-            (n_sample,) for each channel, NaN at a blank cell.
+        Return (n_sample,) for each channel, NaN at a blank cell; `lines` receives their line
+        numbers.
 
         Raises:
             RunFileError: The file has too many faults to go on.

@@ -29,15 +29,10 @@ _CLOCK = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d[\d:.,TZ +-]*|\d{1,2}\.\d{1,2}\.
 
 
 def split_cells(line: str, delimiter: str, *, units_in_brackets: bool = False) -> list[str]:
-    """Split one line into cells, stripped of surrounding blanks.
+    """Split one line without its end into cells, stripped of surrounding blanks.
 
-    Args:
-        line: The line without its line end.
-        delimiter: One character; a space stands for one or more blanks and tabs.
-        units_in_brackets: With a space as delimiter, keep ``speed [rpm]`` together.
-
-    Returns:
-        The cells; a line with unbalanced quotation marks is a single cell.
+    A space as delimiter stands for one or more blanks and tabs; ``speed [rpm]`` stays together on
+    request.  A line with unbalanced quotation marks is a single cell.
     """
     if delimiter == " ":
         words = _WORDS_WITH_UNITS if units_in_brackets else _WORDS_AND_QUOTES

@@ -44,15 +44,10 @@ class HeaderRows:
     def above(
         self, lines: list[Line], comments: list[Line], names: Sequence[str] = ()
     ) -> list[tuple[Line, list[str]]]:
-        """Find the header rows.
+        """Find the header rows above the first sample, each with its cells, from top to bottom.
 
-        Args:
-            lines: Lines above the first sample, without blank lines and comments.
-            comments: Comment lines without their marks, searched if `lines` hold no header.
-            names: Names from the preamble of a device, which stand for a missing header.
-
-        Returns:
-            Each header row with its cells, from top to bottom.
+        Comments are searched if the lines hold no header; names from the preamble of a device stand
+        for a missing one.
 
         Raises:
             RunFileError: No line above the samples names their columns, a header cell is too long,

@@ -66,16 +66,10 @@ def chart(
     y_range: tuple[float, float] | None = None,
     height: int = 230,
 ) -> str:
-    """Element of a chart.
+    """Element of a chart of lines over bands.
 
-    Args:
-        title: Title, which a screen reader reads out.
-        description: One-sentence description with the key numbers.
-        labels: Labels of both axes, with unit.
-        lines: Series, drawn in this order.
-        bands: Areas, drawn below the lines.
-        y_range: Range of the vertical axis; None for that of all values.
-        height: Height [px].
+    A screen reader reads out title and description, one sentence with the key numbers.  The range
+    of the vertical axis is by default that of all values, the height is in px.
 
     Raises:
         ValueError: No value is finite.
