@@ -18,7 +18,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 from rich.table import Table
 
-from identification.result.numbers import UNKNOWN, interval_text, unit_text
+from identification.result.numbers import UNKNOWN, Interval, entry_text, unit_text
 
 __all__ = [
     "Progress",
@@ -46,17 +46,6 @@ _STAGES = {
     "report": "writing the report",
     "write": "writing the files",
     "done": "done",
-}
-_METRICS = {
-    "rise_time_s": "rise time, 10-90 % [s]",
-    "settling_time_s": "settling time, 2 % [s]",
-    "steady_state": "final value [rad/s]",
-    "overshoot_percent": "overshoot [%]",
-    "peak": "peak [rad/s]",
-    "peak_time_s": "peak time [s]",
-    "bandwidth_rad_s": "bandwidth [rad/s]",
-    "phase_margin_deg": "phase margin [deg]",
-    "gain_margin_db": "gain margin [dB]",
 }
 _PIPE_WIDTH = 200
 # The report comes last, because the user opens it next.
@@ -132,16 +121,16 @@ def print_help(codes: Iterable[str]) -> None:
 
 def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
     """Print one table per controller, with one column per temperature."""
-    console = results_console()
-    for controller in dict.fromkeys(str(entry["controller"]) for entry in entries):
-        shown = [entry for entry in entries if entry["controller"] == controller]
-        table = table_with(f"Speed loop, {controller}", "metric")
-        for entry in shown:
-            table.add_column(f"{entry['temperature_degC']:g} °C", justify="right")
-        table.add_row("stability", *(entry["statement"].partition(";")[0] for entry in shown))
-        for name, label in _METRICS.items():
-            table.add_row(label, *(_quantity(entry[name]) for entry in shown))
-        console.print(table)
+    from identification.reporting.tables import feedback_tables
+
+    for found in feedback_tables(entries):
+        table = table_with(f"Speed loop, {found.controller}", "metric")
+        for temperature in found.temperatures:
+            table.add_column(temperature, justify="right")
+        table.add_row("Stability", *(words.partition(";")[0] for words in found.statements))
+        for label, unit, cells in found.rows:
+            table.add_row(f"{label} [{unit}]", *map(_interval, cells))
+        results_console().print(table)
 
 
 def print_rows(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
@@ -180,7 +169,7 @@ def _parameters(result: Mapping[str, Any]) -> Table:
     for effect in result.get("effects") or ():
         entries |= effect["parameters"]
     for name, entry in entries.items():
-        text = interval_text(entry["median"], entry["q05"], entry["q95"])
+        text = entry_text(entry)
         table.add_row(
             name,
             unit_text(entry["unit"]),
@@ -212,10 +201,7 @@ def _errors(result: Mapping[str, Any]) -> Table:
     return table
 
 
-def _quantity(entry: Mapping[str, Any]) -> str:
-    if entry["median"] is None:
-        return "infinite" if entry.get("infinite_fraction", 0) > 0.5 else UNKNOWN
-    text = interval_text(entry["median"], entry["q05"], entry["q95"])
-    if text.low == text.median == text.high:
+def _interval(text: Interval) -> str:
+    if UNKNOWN in (text.low, text.high) or text.low == text.median == text.high:
         return f"{text.median}{text.power}"
     return f"{text.median} ({text.low} .. {text.high}){text.power}"

@@ -13,8 +13,6 @@ __all__ = ["comparison_view"]
 
 Result = Mapping[str, Any]
 
-_INTERVAL = ("median", "q05", "q95")
-
 
 def comparison_view(
     results: Sequence[Result], steps: Sequence[Sequence[StepResponse]]
@@ -66,7 +64,7 @@ def _parameters(first: Result, second: Result) -> list[dict[str, Any]]:
 def _row(name: str, a: Result | None, b: Result | None, drift: Drift | None) -> dict[str, Any]:
     from identification.result.numbers import (
         UNKNOWN,
-        interval_text,
+        entry_text,
         signed_percent_text,
         unit_prefix,
         unit_text,
@@ -82,14 +80,7 @@ def _row(name: str, a: Result | None, b: Result | None, drift: Drift | None) -> 
     return {
         "name": name,
         "unit": unit_text(unit),
-        "estimates": [
-            None
-            if one is None
-            else interval_text(
-                *(None if one[key] is None else factor * one[key] for key in _INTERVAL)
-            )
-            for one in (a, b)
-        ],
+        "estimates": [None if one is None else entry_text(one, factor) for one in (a, b)],
         "is_identified": [one is None or bool(one["identified"]) for one in (a, b)],
         "relative": signed_percent_text(drift.relative) if drift and is_relative else UNKNOWN,
         "sds": UNKNOWN

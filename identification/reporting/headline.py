@@ -18,7 +18,7 @@ from identification.reporting.summary import (
 from identification.result.entries import NEAR_NOISE, known_only_from
 from identification.result.numbers import (
     count_text,
-    interval_text,
+    entry_text,
     listed,
     number_text,
     percent_text,
@@ -197,9 +197,8 @@ def _amount(parameters: Entry) -> str:
     if not parameters:
         return ""
     name, entry = next(iter(parameters.items()))
-    ends = (entry["median"], entry["q05"], entry["q95"])
-    factor, unit = unit_prefix(entry["unit"], ends)
-    text = interval_text(*(None if end is None else factor * end for end in ends))
+    factor, unit = unit_prefix(entry["unit"], [entry[key] for key in ("median", "q05", "q95")])
+    text = entry_text(entry, factor)
     written = f"{name.rpartition('.')[2]} {text.median}{text.power} {unit_text(unit)}".rstrip()
     return written if text.low == text.high else f"{written} ({text.low} … {text.high})"
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 from identification.result.numbers import (
     UNKNOWN,
     Interval,
+    entry_text,
     interval_text,
     listed,
     number_text,
@@ -141,8 +142,7 @@ def metric_text(entry: Entry | None, factor: float = 1.0) -> Interval:
         return interval_text(None, None, None)
     if entry["median"] is None and entry.get("infinite_fraction", 0.0) > _MOST:
         return Interval("infinite", UNKNOWN, UNKNOWN, "")
-    ends = (entry[key] for key in ("median", "q05", "q95"))
-    return interval_text(*(None if end is None else factor * end for end in ends))
+    return entry_text(entry, factor)
 
 
 def loop_sentence(result: Entry) -> str:
@@ -204,8 +204,7 @@ def pair_text(cold: Entry | None, hot: Entry | None, between: str, unit: str) ->
 def _median(entry: Entry | None, factor: float) -> str:
     if entry is None:
         return UNKNOWN
-    ends = (entry[key] for key in ("median", "q05", "q95"))
-    written = interval_text(*(None if end is None else factor * end for end in ends))
+    written = entry_text(entry, factor)
     if len(written.median) > 5:
         return number_text(factor * entry["median"], 3)
     return written.median + written.power

@@ -15,6 +15,7 @@ from identification.result.numbers import (
     UNKNOWN,
     Interval,
     count_text,
+    entry_text,
     interval_text,
     number_text,
     percent_text,
@@ -233,11 +234,11 @@ def _parameter_row(
         name=name,
         meaning=with_symbols(known.meaning) if known else "",
         unit=unit_text(unit),
-        value=_interval(entry, factor),
+        value=entry_text(entry, factor),
         is_identified=is_identified,
         reason=reason,
         source=_SOURCES.get(name, ""),
-        before=_interval(declared, factor) if declared else None,
+        before=entry_text(declared, factor) if declared else None,
         shift=shift[0],
         shift_bounds=shift[1],
     )
@@ -273,11 +274,6 @@ def _temperature_text(run: RunTraces) -> str:
 
 def _probability(value: float) -> str:
     return "< 0.001" if value < 0.001 else f"{value:.3f}"
-
-
-def _interval(entry: Entry, factor: float) -> Interval:
-    ends = (entry[key] for key in ("median", "q05", "q95"))
-    return interval_text(*(None if end is None else factor * end for end in ends))
 
 
 def _error_texts(entry: Entry) -> tuple[str, str, str]:

@@ -7,13 +7,15 @@ interval_text(4.2131e-5, 4.201e-5, 4.226e-5) -> Interval("4.213", "4.201", "4.22
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 __all__ = [
     "UNKNOWN",
     "Interval",
     "count_text",
+    "entry_text",
     "interval_text",
     "listed",
     "number_text",
@@ -80,6 +82,12 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
         middle, lower, upper = (number_text(value, 2) for value in (median, low, high))
         return Interval(middle, lower, upper, "")
     return Interval(middle, lower, upper, _power(exponent))
+
+
+def entry_text(entry: Mapping[str, Any], factor: float = 1.0) -> Interval:
+    """`interval_text` of a QUANTITY of the result, multiplied by the factor of `unit_prefix`."""
+    ends = (entry[key] for key in ("median", "q05", "q95"))
+    return interval_text(*(None if end is None else factor * end for end in ends))
 
 
 def _supported(deviation: float) -> int:

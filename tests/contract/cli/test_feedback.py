@@ -55,7 +55,7 @@ def test_table_says_unstable_and_infinite_in_words(capsys: pytest.CaptureFixture
     assert main(words) == 0
 
     stable, unstable = capsys.readouterr().out.split("Speed loop, PI:1,1e5")
-    assert "gain margin [dB]" in stable
+    assert "Gain margin [dB]" in stable
     assert stable.rstrip().endswith("infinite")
     assert "unstable: the speed does not settle" in unstable
 
