@@ -9,10 +9,8 @@ See `app.analyses.predictor` for the side of the process.
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import signal
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,8 +26,6 @@ __all__ = ["HEADER", "Prediction", "Predictor"]
 
 HEADER: Final = b"time_s,current_A,speed_rad_s\n"
 """First line of the table, as `motorid predict` writes it."""
-
-_START_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -76,14 +72,13 @@ class Predictor:
             "name": run.file,
             "mapping": run.mapping,
             "max_rows": self._max_rows,
-            "limits": dataclasses.asdict(self._limits),
             "result": result,
             "declared": declared,
             "has_table": table is not None,
         }
         if table is not None:
             table.write(HEADER)
-        found = self._messages(task, table)
+        found = self._fork_server.answer(task, self._limits, table)
         if "prediction" in found:
             return Prediction(**found["prediction"])
         raise self._refusal(run.file, found)
@@ -97,11 +92,10 @@ class Predictor:
         """
         task = {
             "design": request.entry(),
-            "limits": dataclasses.asdict(self._limits),
             "result": result,
         }
         table = io.BytesIO()
-        found = self._messages(task, table)
+        found = self._fork_server.answer(task, self._limits, table)
         if "design" in found:
             return Design(found["design"], table.getvalue().decode())
         raise self._refusal("the next run", found, "design")
@@ -110,40 +104,15 @@ class Predictor:
         """Stop the fork server."""
         self._fork_server.stop()
 
-    def _messages(self, task: dict[str, Any], table: BinaryIO | None) -> dict[str, Any]:
-        """Messages of the process other than the rows of the table, including its exit code."""
-        deadline = time.monotonic() + _START_S + self._limits.wall_s
-        try:
-            child = self._fork_server.fork(task)
-        except OSError as error:
-            raise Unavailable(
-                "runs cannot be computed at the moment; try again in a few seconds"
-            ) from error
-        found: dict[str, Any] = {}
-        try:
-            while not child.has_ended and time.monotonic() < deadline:
-                for message in child.messages(wait_s=deadline - time.monotonic()):
-                    rows = message.pop("table", None)
-                    if rows is not None and table is not None:
-                        table.write(rows.encode())
-                    found |= message
-        finally:
-            child.kill()
-        return found
-
     def _refusal(
         self, file: str, found: Mapping[str, Any], command: str = "predict"
     ) -> RunRefused | Unavailable:
         """Build the error for a process that ended without a prediction or a design."""
         detail, end = (found.get("error") or {}).get("detail"), found.get("exit")
-        limit = None
-        if detail == "memory" or end == -signal.SIGKILL:
-            limit = f"{self._limits.memory_bytes / 1e9:g} GB of memory"
-        elif end in (-signal.SIGXCPU, -signal.SIGALRM):
-            limit = f"{self._limits.cpu_s} s"
-        elif end is None and detail is None:
+        limit = self._limits.exceeded(-signal.SIGKILL if detail == "memory" else end)
+        if end is None and detail is None:
             return Unavailable("the run could not be computed; try again")
         text = detail or f"{file}: the computation crashed; expected a run of this motor"
-        if limit is not None:
+        if limit:
             text = f"{file}: the computation needs more than {limit}; use `motorid {command}`"
         return RunRefused(text, reason="prediction", file=file)

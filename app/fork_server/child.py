@@ -47,6 +47,12 @@ class ProcessLimits:
     files: int = 32
     """Number of open files."""
 
+    def exceeded(self, end: object) -> str:
+        """Limit that ended a process with this exit code, in words; empty for another end."""
+        if end == -signal.SIGKILL:
+            return f"{self.memory_bytes / 1e9:g} GB of memory"
+        return f"{self.cpu_s} s" if end in (-signal.SIGXCPU, -signal.SIGALRM) else ""
+
 
 def confine(limits: ProcessLimits) -> None:
     """Limit this process permanently.

@@ -12,6 +12,7 @@ that were running in it are then lost; a lost task ends without an `exit` messag
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import secrets
@@ -23,9 +24,10 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from app.fork_server.child import child_environment
+from app.errors import Unavailable
+from app.fork_server.child import ProcessLimits, child_environment
 from app.fork_server.process import FORK, KILL
 
 __all__ = ["ForkServer", "Task"]
@@ -34,6 +36,7 @@ _LONGEST_LINE = 2_000_000
 _BLOCK_BYTES = 65536
 _MOST_BLOCKS = 64
 _KILL_S = 10.0
+_START_S = 60.0
 
 
 class ForkServer:
@@ -84,6 +87,33 @@ class ForkServer:
             finally:
                 os.close(outgoing)
         return Task(self, token, incoming)
+
+    def answer(
+        self, task: dict[str, Any], limits: ProcessLimits, table: BinaryIO | None = None
+    ) -> dict[str, Any]:
+        """Merged messages of a task with limits, including its exit code; rows go to the table.
+
+        Raises:
+            Unavailable: The task cannot be started now.
+        """
+        deadline = time.monotonic() + _START_S + limits.wall_s
+        try:
+            child = self.fork(task | {"limits": dataclasses.asdict(limits)})
+        except OSError as error:
+            raise Unavailable(
+                "runs cannot be read or computed at the moment; try again in a few seconds"
+            ) from error
+        found: dict[str, Any] = {}
+        try:
+            while not child.has_ended and time.monotonic() < deadline:
+                for message in child.messages(wait_s=deadline - time.monotonic()):
+                    rows = message.pop("table", None)
+                    if rows is not None and table is not None:
+                        table.write(rows.encode())
+                    found |= message
+        finally:
+            child.kill()
+        return found
 
     def kill(self, token: bytes) -> None:
         """Kill a task with all its child processes."""

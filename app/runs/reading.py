@@ -13,7 +13,6 @@ at once, instead of waiting for an unknown time with its file on disk.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import signal
 import time
@@ -34,7 +33,6 @@ Arguments = TypeVarTuple("Arguments")
 
 _NEWEST_SHARE = 0.1
 _LONGEST_RETRY_S = 60.0
-_START_S = 60.0
 
 
 class RunReader:
@@ -88,46 +86,25 @@ class RunReader:
             "name": name,
             "mapping": mapping,
             "max_rows": self._max_rows,
-            "limits": dataclasses.asdict(self._limits),
             **more,
         }
-        found = self._messages(task)
+        found = self._fork_server.answer(task, self._limits)
         if kind in found:
             return dict(found[kind])
         if "message" in found.get("error", {}):
             raise RunRefused(**found["error"])
         raise self._refusal(name, found.get("error", {}).get("reason") or found.get("exit"))
 
-    def _messages(self, task: dict[str, Any]) -> dict[str, Any]:
-        """Merged messages of the parser, including its exit code."""
-        deadline = time.monotonic() + _START_S + self._limits.wall_s
-        try:
-            reading = self._fork_server.fork(task)
-        except OSError as error:
-            raise Unavailable(
-                "runs cannot be read at the moment; try again in a few seconds"
-            ) from error
-        found: dict[str, Any] = {}
-        while not reading.has_ended and time.monotonic() < deadline:
-            for message in reading.messages(wait_s=deadline - time.monotonic()):
-                found |= message
-        reading.kill()
-        return found
-
     def _refusal(self, name: str, end: object) -> RunRefused | Unavailable:
         """Build the error for a parser that ended without a result."""
-        limits = self._limits
         if end is None:
             return Unavailable("the file could not be read; send it again")
-        if end in ("reader_memory", -signal.SIGKILL):
-            text = f"reading the file needs more than {limits.memory_bytes / 1e9:g} GB of memory"
-            reason = "reader_memory"
-        elif end in (-signal.SIGXCPU, -signal.SIGALRM):
-            text = f"reading the file takes more than {limits.cpu_s} s"
-            reason = "reader_time"
+        is_memory = end in ("reader_memory", -signal.SIGKILL)
+        if limit := self._limits.exceeded(-signal.SIGKILL if is_memory else end):
+            text = f"reading the file {'needs' if is_memory else 'takes'} more than {limit}"
+            reason = "reader_memory" if is_memory else "reader_time"
         else:
-            text = "the reader crashed on the file"
-            reason = "reader_crash"
+            text, reason = "the reader crashed on the file", "reader_crash"
         return RunRefused(f"{name}: {text}; expected a table of samples", reason=reason, file=name)
 
 

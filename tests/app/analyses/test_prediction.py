@@ -12,7 +12,7 @@ import pytest
 from app.analyses.prediction import HEADER, Predictor
 from app.errors import RunRefused, Unavailable
 from app.fork_server.child import ProcessLimits
-from app.fork_server.client import ForkServer
+from app.fork_server.client import ForkServer, Task
 from app.tables import RunRow
 
 RUN = RunRow(id="run_x", file="a.csv", mapping=None)
@@ -21,16 +21,12 @@ FOUND = {"rows": 3, "errors": {"current": ERRORS, "speed": ERRORS}, "plot": {"ti
 
 
 class Answering:
-    """Fork server whose only task gives these messages."""
+    """Task that gives these messages."""
 
     def __init__(self, *messages: dict[str, Any]) -> None:
         self._messages = list(messages)
         self.has_ended = False
         self.was_killed = False
-
-    def fork(self, task: dict[str, Any]) -> Answering:
-        """Start the task."""
-        return self
 
     def messages(self, wait_s: float) -> list[dict[str, Any]]:
         """One message in each call."""
@@ -42,10 +38,21 @@ class Answering:
         self.was_killed = True
 
 
+class Starting(ForkServer):
+    """Fork server whose only task is given."""
+
+    def __init__(self, task: Answering) -> None:
+        self._task = task
+
+    def fork(self, task: dict[str, Any]) -> Task:
+        """Start the task."""
+        return cast(Task, self._task)
+
+
 def predictor(*messages: dict[str, Any]) -> Predictor:
     """Predictor whose process sends these messages."""
     limits = ProcessLimits(2_000_000_000, cpu_s=60, wall_s=120.0)
-    return Predictor(cast(ForkServer, Answering(*messages)), limits, 1000)
+    return Predictor(Starting(Answering(*messages)), limits, 1000)
 
 
 def test_rows_of_all_messages_are_written_in_order() -> None:
