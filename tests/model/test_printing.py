@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.effects_page import example_scales
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import CampaignScales
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.printing import printed_equations
-from identification.reporting.effects_page import example_scales
 
 SYMBOLS = {
     "current": "i", "speed": "ω", "voltage": "v", "temperature": "T", "angle": "φ", "time": "t",

@@ -1,6 +1,6 @@
 """Plots of the effects for docs/effects.md: what each law adds to the motor, from the law itself.
 
-    python -m identification.reporting.effects_plots
+    python -m benchmarks.effects_plots
 
 writes docs/pictures/effects/NAME.svg.  The example motor is simulated with and without each effect
 at a typical size.  If the missing torque or voltage follows the driver of the effect, it is plotted
@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from benchmarks.effects_page import EXAMPLE_MOTOR, example_scales
 from identification.arrays import Array
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, CampaignScales
@@ -22,7 +23,6 @@ from identification.ingest.run import Run
 from identification.model.composite import MotorModel
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
-from identification.reporting.effects_page import EXAMPLE_MOTOR, example_scales
 from identification.reporting.svg import Frame, axes, line, svg
 from identification.result.atomic import write_text
 

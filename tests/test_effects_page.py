@@ -9,13 +9,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from benchmarks.effects_page import effects_page, example_scales
+from benchmarks.effects_plots import effect_plot, signature
 from identification.effects.catalogue import CATALOGUE, confusions, confusions_of
 from identification.effects.effect import CampaignScales
 from identification.quantities import DECLARED_PARAMETERS
-from identification.reporting.effects_page import effects_page, example_scales
-from identification.reporting.effects_plots import effect_plot, signature
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[1] / "docs"
 PAGE = (DOCS / "effects.md").read_text("utf-8")
 
 
@@ -26,7 +26,7 @@ def scales() -> CampaignScales:
 
 
 def test_page_matches_the_catalogue(scales: CampaignScales) -> None:
-    """`python -m identification.reporting.effects_page` regenerates the page."""
+    """`python -m benchmarks.effects_page` regenerates the page."""
     assert effects_page(scales) == PAGE
 
 
@@ -65,7 +65,7 @@ def test_a_found_effect_brings_its_confusions_and_no_others() -> None:
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_every_effect_has_its_plot(name: str) -> None:
-    """A small picture, drawn by `python -m identification.reporting.effects_plots`."""
+    """A small picture, drawn by `python -m benchmarks.effects_plots`."""
     plot = DOCS / "pictures" / "effects" / f"{name}.svg"
 
     assert f"](pictures/effects/{name}.svg)" in PAGE

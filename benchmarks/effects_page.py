@@ -1,6 +1,6 @@
 """Generator of the documentation page on effects, from the catalogue classes.
 
-    python -m identification.reporting.effects_page
+    python -m benchmarks.effects_page
 
 writes docs/effects.md.
 
@@ -44,7 +44,7 @@ _HEAD: Final = """\
 
 The effect types that motorid searches for in addition to the nominal model, with their names in \
 result.json.
-`python -m identification.reporting.effects_page` generates this page from the classes in \
+`python -m benchmarks.effects_page` generates this page from the classes in \
 `identification/effects/`.
 
 An effect type is a family of laws and not a single formula: shape parameters cover the deviation \
@@ -71,7 +71,7 @@ duration of {duration} s and a sample interval of {interval:g} ms.
 A prior "x / f" is log-normal with median x; one standard deviation is a factor of f.
 
 The plots show what an effect of typical size adds to this motor, simulated by \
-`python -m identification.reporting.effects_plots`: the missing torque or voltage over the driver \
+`python -m benchmarks.effects_plots`: the missing torque or voltage over the driver \
 if it follows the driver, else the change of the logged current and speed over time, during a \
 fast sweep of the voltage (0 to 2 s) and steps (2 to 4 s), while the temperature rises from 25 to \
 65 degC.
