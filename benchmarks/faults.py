@@ -39,8 +39,6 @@ from identification.ingest import Run, read_run
 __all__ = ["Seen", "document", "main", "seen", "sound", "tables_of"]
 
 _REMARKS = (
-    "opposite_signs",
-    "unsigned_channel",
     "identical_channels",
     "constant_channel",
     "suspicious_value",

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from app.fork_server.child import Answers, ProcessLimits, confine
+from identification.checks import check_runs
 from identification.errors import RunFileError
 from identification.ingest import Column, Limits, Run, read_run
 from identification.ingest.column_errors import similar_columns
@@ -144,6 +145,10 @@ def _problem(error: RunFileError) -> dict[str, Any]:
 
 
 def _summary(run: Run) -> dict[str, Any]:
+    """Extent, ranges and warnings of a run, with the contradictions that would refuse its fit."""
+    contradictions = check_runs([run]).refused
+    found = [(f.code, f.message, f.column, None) for f in contradictions]
+    warned = [(w.code, w.message, w.column, w.row) for w in run.warnings]
     return {
         "sha256": run.sha256,
         "rows": run.rows,
@@ -154,7 +159,7 @@ def _summary(run: Run) -> dict[str, Any]:
             for name, values in run.channels.items()
         },
         "warnings": [
-            {"code": w.code, "message": w.message, "row": w.row, "column": w.column}
-            for w in run.warnings
+            {"code": code, "message": message, "row": row, "column": column}
+            for code, message, column, row in (*found, *warned)
         ],
     }

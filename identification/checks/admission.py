@@ -20,7 +20,7 @@ _FORCED: Final = (
     "contradict physics or each other: "
 )
 _ASIDE: Final = "run set aside (neither fitted nor used for validation): "
-_SUSPECT: Final = ("opposite_signs", "unsigned_channel", "identical_channels", "constant_channel")
+_SUSPECT: Final = ("identical_channels", "constant_channel")
 """Codes of warnings that may explain a failed calculation, the most likely first."""
 
 

@@ -2,8 +2,8 @@
 
 Voltage, current and speed alone cannot reveal a wrong unit: a scaled channel fits another motor
 that obeys the same equations.  The bounds therefore cover all machines from instrument motors to
-traction motors.  Two checks between channels are possible: `polarity` tests the signs, and this
-module compares a logged position with the integral of the speed.
+traction motors.  A logged position is compared with the integral of the speed; `checks` tests the
+signs and the balances of all channels.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from identification.arrays import Array
 from identification.errors import AbsurdValue, RunFileError
 from identification.examples import Example, of_file
 from identification.ingest.faults import collected, refuse_all
-from identification.ingest.polarity import check_polarity
 from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["BOUNDS", "Bounds", "check_values"]
@@ -106,7 +105,6 @@ def check_values(
             yield from _check_bounds(name, signal, locator)
     refuse_all(errors)
     yield from _check_movement(channels, locator)
-    yield from check_polarity(channels, time, locator)
     yield from _check_same(channels, locator)
     if "position_rad" in channels and "speed_rad_s" not in locator.derived:
         yield from _check_position(channels["position_rad"], channels["speed_rad_s"], time, locator)

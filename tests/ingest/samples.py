@@ -12,6 +12,8 @@ from identification.ingest import Run
 
 Array = NDArray[np.float64]
 
+ROWS = 4000
+
 CANONICAL = ("time_s", "voltage_V", "current_A", "speed_rad_s", "temperature_degC")
 
 
@@ -105,3 +107,25 @@ def channels(run: Run) -> dict[str, Array]:
     every = (run.time, run.voltage, run.current, run.speed, run.temperature, run.position)
     names = (*CANONICAL, "position_rad")
     return {name: values for name, values in zip(names, every, strict=True) if values is not None}
+
+
+def motor(rows: int = ROWS, interval: float = 1e-3, seed: int = 7) -> dict[str, Array]:
+    """Small motor under random reversing steps, integrated by Euler's method, with noise.
+
+    0.6 ohm, 0.07 V s/rad, 2e-4 kg m^2, without electrical time constant.
+    """
+    random = np.random.default_rng(seed)
+    time = np.arange(rows, dtype=np.float64) * interval
+    voltage = np.repeat(random.uniform(-12.0, 12.0, rows // 100 + 1), 100)[:rows]
+    speed = np.zeros(rows)
+    for k in range(rows - 1):
+        torque = 0.07 * (voltage[k] - 0.07 * speed[k]) / 0.6
+        speed[k + 1] = speed[k] + interval * (torque - 1e-4 * speed[k]) / 2e-4
+    current = (voltage - 0.07 * speed) / 0.6
+    return {
+        "time_s": time,
+        "voltage_V": voltage + random.normal(0.0, 0.02, rows),
+        "current_A": current + random.normal(0.0, 0.05, rows),
+        "speed_rad_s": speed + random.normal(0.0, 0.3, rows),
+        "temperature_degC": 40.0 + random.normal(0.0, 0.1, rows),
+    }
