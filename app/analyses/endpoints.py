@@ -60,7 +60,7 @@ def tune_loop(fit_id: str, body: TuningIn, services: ServicesDep, caller: Caller
     The loop is simulated with the effects found, limits, sample time and delay.  The answer takes
     some seconds and is not stored.
     """
-    found, remarks = services.analyses.tuning(caller, fit_id, body.request(), draws=_TUNING_DRAWS)
+    found, remarks = services.analyses.tuning(caller, fit_id, draws=_TUNING_DRAWS, **body.options())
     return TuningOut(tuning=found, remarks=list(remarks))
 
 
@@ -113,4 +113,6 @@ def design_run(body: DesignIn, services: ServicesDep, caller: CallerDep) -> Desi
     """
     if (body.fit is None) == (body.nameplate is None):
         raise FieldRefused("expected either fit or nameplate", field="fit")
-    return DesignOut.of(services.analyses.design(caller, body.fit, body.request()))
+    return DesignOut.of(
+        services.analyses.design(caller, body.fit, body.options(), body.nameplate or "")
+    )

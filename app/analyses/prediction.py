@@ -16,13 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from app.analyses.design import Design, DesignRequest
 from app.errors import RunRefused, Unavailable
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer
 from app.tables import RunRow
 
-__all__ = ["HEADER", "Prediction", "Predictor"]
+__all__ = ["HEADER", "Design", "Prediction", "Predictor"]
 
 HEADER: Final = b"time_s,current_A,speed_rad_s\n"
 """First line of the table, as `motorid predict` writes it."""
@@ -40,6 +39,16 @@ class Prediction:
     plot: Mapping[str, Any]
     """Samples to plot: ``time``, and ``speed`` and ``current`` as pairs of measured and simulated
     values; null where a sample has none."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """Designed run."""
+
+    entry: Mapping[str, Any]
+    """Expected gain, as `motorid design` writes it to FILE.json."""
+    table: str
+    """Samples as CSV."""
 
 
 class Predictor:
@@ -83,17 +92,16 @@ class Predictor:
             return Prediction(**found["prediction"])
         raise self._refusal(run.file, found)
 
-    def design(self, request: DesignRequest, result: Mapping[str, Any] | None) -> Design:
-        """Design a run.
+    def design(
+        self, options: Mapping[str, Any], nameplate: str, result: Mapping[str, Any] | None
+    ) -> Design:
+        """Design a run with fields of `DesignOptions`, for a result or else a nameplate.
 
         Raises:
             RunRefused: The design exceeds the limits, or result or request do not allow it.
             Unavailable: No run can be designed now.
         """
-        task = {
-            "design": request.entry(),
-            "result": result,
-        }
+        task = {"design": options, "nameplate": nameplate, "result": result}
         table = io.BytesIO()
         found = self._fork_server.answer(task, self._limits, table)
         if "design" in found:

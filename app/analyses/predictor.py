@@ -15,9 +15,9 @@ from typing import Any
 
 import pandas as pd
 
-from app.analyses.design import DesignRequest
 from app.fork_server.child import Answers, ProcessLimits, confine
 from identification.design import (
+    DesignOptions,
     profile_csv,
     proposal_entry,
     propose,
@@ -45,13 +45,13 @@ def handle(task: dict[str, Any], answer: int) -> None:
     Args:
         task: `path`, `name`, `mapping`, `max_rows`, `limits` of the run; `result` as in
             result.json; `declared` for the nominal model; `has_table` to send the table.  For a
-            design, `design` is the request, and there is no run.
+            design, `design` holds the options, and there is a result or a nameplate, but no run.
         answer: Write end of the pipe to the server.
     """
     confine(ProcessLimits(**task["limits"]))
     answers = Answers(answer)
     if "design" in task:
-        _design(DesignRequest.of(task["design"]), task["result"], answers)
+        _design(task, answers)
         return
     limits = Limits(rows=task["max_rows"])
     try:
@@ -68,14 +68,14 @@ def handle(task: dict[str, Any], answer: int) -> None:
     answers.send({"prediction": finite_or_null(_summary(run, prediction, task["result"]))})
 
 
-def _design(request: DesignRequest, result: dict[str, Any] | None, answers: Answers) -> None:
+def _design(task: dict[str, Any], answers: Answers) -> None:
     """Design a run and send its samples and its expected gain."""
     try:
-        if result is None:
-            task = task_of_nameplate(request.nameplate, request.options)
+        options = DesignOptions(**task["design"])
+        if task["result"] is None:
+            proposal = propose(task_of_nameplate(task["nameplate"], options))
         else:
-            task = task_of_result(result, request.options)
-        proposal = propose(task)
+            proposal = propose(task_of_result(task["result"], options))
     except IdentificationError as error:
         answers.send({"error": {"detail": str(error)}})
         return

@@ -7,9 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, StringConstraints
 
-from app.analyses.design import Design, DesignRequest
-from app.analyses.prediction import Prediction
-from app.analyses.service import LoopAnalysis, TuningRequest
+from app.analyses.prediction import Design, Prediction
+from app.analyses.service import LoopAnalysis
 from app.texts import Documented, Received, with_example
 
 __all__ = [
@@ -76,10 +75,9 @@ class TuningIn(Received):
     step: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     """Step of the reference [rad/s]; null: half the speed that the limits allow."""
 
-    def request(self) -> TuningRequest:
-        """Build the request of the service; each kind once."""
-        fields = self.model_dump()
-        return TuningRequest(**fields | {"kinds": tuple(dict.fromkeys(self.kinds))})
+    def options(self) -> dict[str, Any]:
+        """Arguments of the service; each kind once."""
+        return self.model_dump() | {"kinds": tuple(dict.fromkeys(self.kinds))}
 
 
 class TuningOut(Documented):
@@ -196,17 +194,11 @@ class DesignIn(Received):
     seed: int = Field(default=0, ge=0, lt=2**32)
     """Seed."""
 
-    def request(self) -> DesignRequest:
-        """The request of the service."""
-        return DesignRequest(
-            nameplate=self.nameplate or "",
-            limits=",".join(f"{name}={value!r}" for name, value in self.limits.items()),
-            duration=self.duration,
-            rate=self.rate,
-            temperatures=tuple(self.temperatures),
-            narrow=self.narrow,
-            seed=self.seed,
-        )
+    def options(self) -> dict[str, Any]:
+        """Fields of `DesignOptions`."""
+        limits = ",".join(f"{name}={value!r}" for name, value in self.limits.items())
+        fields = self.model_dump(exclude={"fit", "nameplate"})
+        return fields | {"limits": (limits,) if limits else ()}
 
 
 class DesignOut(Documented):

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, cast
 
 from app.access.service import Caller
-from app.analyses.design import Design, DesignRequest
-from app.analyses.prediction import Prediction, Predictor
+from app.analyses.prediction import Design, Prediction, Predictor
 from app.batches.results import refits_of
 from app.errors import FileLost, NotReady, Unavailable
 from app.fits.service import FitService, StoredFit
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 
     from identification.result.report_data import StepResponse
 
-__all__ = ["APPROXIMATE", "AnalysisService", "LoopAnalysis", "TuningRequest"]
+__all__ = ["APPROXIMATE", "AnalysisService", "LoopAnalysis"]
 
 APPROXIMATE: Final = (
     "The fit has no posterior: normal draws from its medians, standard deviations and correlations "
@@ -54,24 +53,6 @@ class LoopAnalysis:
     """Limits of the numbers, in words."""
 
 
-@dataclass(frozen=True)
-class TuningRequest:
-    """Request to tune or judge controllers of the speed loop."""
-
-    specification: str | Mapping[str, float]
-    """Requirements and drive, by name."""
-    kinds: Sequence[str]
-    """Kinds of controllers to tune."""
-    controllers: Sequence[str] = ()
-    """Controllers to judge instead."""
-    temperatures: Sequence[float] = (25.0, 125.0)
-    """Temperatures of winding and magnet [degC]."""
-    probability: float = 0.95
-    """Required fraction of the draws."""
-    step: float | None = None
-    """Step of the reference [rad/s]; None for the default."""
-
-
 class AnalysisService:
     """Analyses of fits; each is restricted to the workspace of its caller.
 
@@ -88,24 +69,22 @@ class AnalysisService:
         self._free = threading.BoundedSemaphore(_AT_ONCE)
 
     def tuning(
-        self, caller: Caller, fit_id: str, request: TuningRequest, *, draws: int
+        self,
+        caller: Caller,
+        fit_id: str,
+        specification: Mapping[str, float],
+        *,
+        draws: int,
+        **options: Any,
     ) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-        """Controllers as ``motorid tune`` finds them, and limits of the numbers in words."""
+        """Controllers as `identification.tuning.tune` finds them, and limits of the numbers."""
         from identification.tuning import motor_of, parse_specification, tune
 
-        required = parse_specification(request.specification)
+        required = parse_specification(specification)
         fit = self.succeeded(caller, fit_id)
         with self._turn():
             motor = motor_of(self._draws(caller, fit, draws), fit.result or {})
-            found = tune(
-                motor,
-                required,
-                kinds=request.kinds,
-                controllers=request.controllers,
-                temperatures=request.temperatures,
-                probability=request.probability,
-                step=request.step,
-            )
+            found = tune(motor, required, **options)
         return found, () if fit.has_posterior else (APPROXIMATE,)
 
     def loop(
@@ -199,8 +178,12 @@ class AnalysisService:
                 run, self._storage.run(run.id), fit.result or {}, declared=declared, table=table
             )
 
-    def design(self, caller: Caller, fit_id: str | None, request: DesignRequest) -> Design:
+    def design(
+        self, caller: Caller, fit_id: str | None, options: Mapping[str, Any], nameplate: str = ""
+    ) -> Design:
         """Design the next run of the motor of a fit, or the first run of a nameplate.
+
+        The options are fields of `identification.design.DesignOptions`.
 
         Raises:
             NotReady: The fit has not succeeded.
@@ -209,10 +192,12 @@ class AnalysisService:
             RunRefused: The result or the limits do not allow a design.
             Unavailable: Too many analyses are computed at the moment.
         """
-        _ = request.options  # Refuses here what the process would refuse later.
+        from identification.design import DesignOptions
+
+        DesignOptions(**options)  # Refuses here what the process would refuse later.
         result = None if fit_id is None else self.succeeded(caller, fit_id).result or {}
         with self._turn():
-            return self._predictor.design(request, result)
+            return self._predictor.design(options, nameplate, result)
 
     def succeeded(self, caller: Caller, fit_id: str) -> StoredFit:
         """Succeeded fit with its result.

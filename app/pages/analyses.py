@@ -78,8 +78,9 @@ def tuning_page(
     problem, shown = "", None
     try:
         if request.query_params:
-            asked = form.request()
-            found, remarks = services.analyses.tuning(caller, fit_id, asked, draws=_TUNING_DRAWS)
+            found, remarks = services.analyses.tuning(
+                caller, fit_id, draws=_TUNING_DRAWS, **form.options()
+            )
             shown = tuning_view(found, remarks)
     except InputError as error:
         problem = sentence(str(error))

@@ -10,7 +10,6 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
 
-from app.analyses.design import DesignRequest
 from app.errors import FieldRefused, RunRefused
 from app.fits.schemas import FitSummary
 from app.http.dependencies import CallerDep, ServicesDep
@@ -48,15 +47,15 @@ class DesignForm:
         return cls(**{k: given[k].strip()[:_LONGEST] for k in names if k in given})
 
     @property
-    def request(self) -> DesignRequest:
-        """The request of the service; a field that is not a number is refused."""
-        return DesignRequest(
-            limits=self.limits,
-            duration=_number("duration", self.duration) if self.duration else None,
-            rate=_number("rate", self.rate) if self.rate else None,
-            temperatures=tuple(_number("temperature", part) for part in parts(self.temperature)),
-            narrow=self.narrow,
-        )
+    def options(self) -> dict[str, Any]:
+        """Fields of `DesignOptions`; a field that is not a number is refused."""
+        return {
+            "limits": (self.limits,) if self.limits else (),
+            "duration": _number("duration", self.duration) if self.duration else None,
+            "rate": _number("rate", self.rate) if self.rate else None,
+            "temperatures": tuple(_number("temperature", one) for one in parts(self.temperature)),
+            "narrow": self.narrow,
+        }
 
 
 @router.get("/fits/{fit_id}/design")
@@ -68,7 +67,7 @@ def design_page(
     form, problem, shown = DesignForm.of(request.query_params), "", None
     if request.query_params:
         try:
-            shown = services.analyses.design(caller, fit_id, form.request).entry
+            shown = services.analyses.design(caller, fit_id, form.options).entry
         except InputError as error:
             problem = sentence(str(error))
         except (FieldRefused, RunRefused) as error:
@@ -118,7 +117,7 @@ def design_file(
 ) -> Response:
     """Profile of the next run as a file; the query is that of the page."""
     form = DesignForm.of(request.query_params)
-    design = services.analyses.design(caller, fit_id, form.request)
+    design = services.analyses.design(caller, fit_id, form.options)
     return Response(
         design.table,
         media_type="text/csv; charset=utf-8",

@@ -8,7 +8,6 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from app.analyses.service import TuningRequest
 from app.pages.loop_form import LoopForm
 from identification.errors import OptionError
 from identification.numerals import decimal_of
@@ -60,8 +59,8 @@ class TuningForm:
             temperature=LoopForm.of(given, result).temperature,
         )
 
-    def request(self) -> TuningRequest:
-        """Build the request of the service.
+    def options(self) -> dict[str, Any]:
+        """Arguments of the service.
 
         Raises:
             OptionError: Fields are not numbers, or temperatures are not accepted.
@@ -76,13 +75,13 @@ class TuningForm:
         if wrong:
             raise OptionError("; ".join(wrong))
         probability = numbers.pop("probability", 0.95)
-        return TuningRequest(
-            specification=numbers,
-            kinds=(self.kind,),
-            controllers=(self.controller,) if self.controller else (),
-            temperatures=LoopForm("P", "1", "0", "0", self.temperature).temperatures,
-            probability=probability,
-        )
+        return {
+            "specification": numbers,
+            "kinds": (self.kind,),
+            "controllers": (self.controller,) if self.controller else (),
+            "temperatures": LoopForm("P", "1", "0", "0", self.temperature).temperatures,
+            "probability": probability,
+        }
 
 
 def tuning_view(found: Mapping[str, Any], remarks: tuple[str, ...]) -> dict[str, Any]:

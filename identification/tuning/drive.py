@@ -33,7 +33,7 @@ from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
 from identification.model.step import advance
 from identification.model.step_plan import StepPlan, plan_for
-from identification.speed_loop.closed_loop import fastest_rate
+from identification.speed_loop.closed_loop import LoopRun, fastest_rate
 from identification.tuning.motor import UncertainMotor
 from identification.tuning.specification import Specification
 
@@ -55,21 +55,11 @@ _MOST_STEPS: Final = 10_000
 
 
 @dataclass(frozen=True)
-class Response:
-    """Simulated responses at one temperature."""
+class Response(LoopRun):
+    """Simulated responses at one temperature; the voltage is that at the motor."""
 
-    time: Array
-    """(n_time,) uniform, from 0 [s]."""
-    speed: Array
-    """(n_time, n_lane) [rad/s]."""
-    acceleration: Array
-    """(n_time, n_lane) [rad/s^2]."""
-    current: Array
-    """(n_time, n_lane) [A]."""
-    voltage: Array
-    """(n_time, n_lane) at the motor [V]."""
     limited: Array
-    """(n_time, n_lane) 1 where voltage or current is at its limit [-]."""
+    """(n_time, n_draw) 1 where voltage or current is at its limit [-]."""
 
 
 class Drive:
