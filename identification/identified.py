@@ -112,8 +112,8 @@ class StoredResult(Identified):
     def draws(self, most: int = _MOST_DRAWS) -> dict[str, Array]:
         """Draws of the posterior, thinned evenly.
 
-        Without a posterior.nc, independent normal draws of the seven nominal parameters follow from
-        the medians and standard deviations; their correlations are lost.
+        Without a posterior.nc, normal draws of the seven nominal parameters follow from their
+        medians, standard deviations and correlations.
 
         Args:
             most: Largest number of draws.

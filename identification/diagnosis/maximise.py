@@ -53,15 +53,12 @@ class Optimum:
     """(n,) point of the maximum."""
     value: float
     """Value there."""
-    inverse: Array
-    """(n, n) approximate inverse of the negative Hessian."""
 
 
 def maximise(
     valued: Valued,
     start: Array,
     bounds: tuple[Array, Array],
-    inverse: Array | None = None,
     rival: float | None = None,
 ) -> Optimum:
     """Maximise a function within bounds.
@@ -70,14 +67,12 @@ def maximise(
         valued: The function, scaled so that a difference of 1 matters and 0.01 does not.
         start: (n,) starting point.
         bounds: (n,) lower and (n,) upper bounds; equal for a fixed coordinate.
-        inverse: (n, n) inverse of the negative Hessian, if known.
         rival: Value to compare the maximum with.  The iteration ends once it has reached this value
             or is sure to stay far below it.
     """
     lower, upper = bounds
     point = np.clip(start, lower, upper)
-    if inverse is None:
-        inverse = _first_inverse(valued, point, bounds)
+    inverse = _first_inverse(valued, point, bounds)
     value, gradient, _ = _value_and_gradient(valued, point, bounds, np.zeros((point.size, 0)))
     small = 0
     for number in range(_STEPS):
@@ -108,7 +103,7 @@ def maximise(
         point, value, gradient = full, ahead, slope
         if small > 1:
             break
-    return Optimum(point, value, inverse)
+    return Optimum(point, value)
 
 
 def _is_decided(number: int, value: float, predicted: float, rival: float) -> bool:

@@ -62,8 +62,6 @@ class Whiteness:
 
     statistic: float
     """Sum of squared correlations, each over its variance [-]."""
-    degrees_of_freedom: int
-    """Number of lags."""
     p_value: float
     """Probability of a statistic at least as large from white noise [-]."""
 
@@ -164,7 +162,7 @@ def whiteness(residuals: Sequence[Array], lags: int | None = None) -> Whiteness:
         lags: Number of lags; by default 20, or a quarter of the longest run if that is less.
 
     Returns:
-        Statistic, degrees of freedom and p value; p is 1 for a residual that is zero throughout.
+        Statistic and p value; p is 1 for a residual that is zero throughout.
 
     Source:
         G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297-303.
@@ -176,7 +174,7 @@ def whiteness(residuals: Sequence[Array], lags: int | None = None) -> Whiteness:
     statistic = float(np.sum((found.values[known] / spread[known]) ** 2))
     freedom = int(np.count_nonzero(known))
     p_value = float(special.chdtrc(freedom, statistic)) if freedom else 1.0
-    return Whiteness(statistic, freedom, p_value)
+    return Whiteness(statistic, p_value)
 
 
 def _checked(runs: Sequence[Array]) -> list[Array]:
