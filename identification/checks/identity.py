@@ -28,7 +28,7 @@ from identification.checks.correction import exchange, factor
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 
-__all__ = ["identity_findings", "is_contradictory"]
+__all__ = ["identity_findings"]
 
 _ERRORS: Final = 5.0
 """Standard errors by which a coefficient has to be below zero.  None of 5,040 balances of simulated
@@ -124,12 +124,6 @@ def identity_findings(run: Run, signals: Signals) -> list[Finding]:
     if as_logged.turned == 0.0 and judged.missed > _BETTER * as_logged.missed:
         return []
     return [_finding(run, best, as_logged, judged)]
-
-
-def is_contradictory(signals: Signals) -> bool:
-    """Whether the electrical balance has a significantly negative coefficient."""
-    judged = _judged(balances_of(signals))
-    return judged is not None and judged.turned < 0.0
 
 
 def _finding(run: Run, best: _Hypothesis, before: _Judged, after: _Judged) -> Finding:

@@ -53,24 +53,6 @@ def test_migrating_again_changes_nothing(database: Database) -> None:
         assert session.scalar(text("SELECT count(*) FROM keys")) == 1
 
 
-def test_migrations_can_be_reverted(database_url: str) -> None:
-    """A downgrade removes all tables, and an upgrade creates them again."""
-    import alembic.command
-
-    engine = sqlalchemy.create_engine(Database(database_url).url)
-    config = alembic.config.Config()
-    config.set_main_option("script_location", str(Path(app.migrations.__file__).parent))
-    with engine.begin() as connection:
-        config.attributes["connection"] = connection
-        alembic.command.upgrade(config, "head")
-        alembic.command.downgrade(config, "base")
-        left = set(sqlalchemy.inspect(connection).get_table_names()) - {"alembic_version"}
-        alembic.command.upgrade(config, "head")
-    engine.dispose()
-
-    assert left == set()
-
-
 def test_keys_from_before_owners_are_those_of_owners(database_url: str) -> None:
     """Whoever could manage keys before version 0007 still can."""
     import alembic.command

@@ -8,12 +8,10 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-__all__ = ["branch_labels", "depends_on", "down_revision", "downgrade", "revision", "upgrade"]
+__all__ = ["down_revision", "revision", "upgrade"]
 
 revision = "0001"
 down_revision = None
-branch_labels = None
-depends_on = None
 
 
 def upgrade() -> None:
@@ -22,12 +20,6 @@ def upgrade() -> None:
     _runs()
     _batches()
     _fits()
-
-
-def downgrade() -> None:
-    """Drop all tables."""
-    for table in ("fit_runs", "fits", "batches", "runs", "sessions", "keys"):
-        op.drop_table(table)
 
 
 def _keys_and_sessions() -> None:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from alembic import op
 
-__all__ = ["branch_labels", "depends_on", "down_revision", "downgrade", "revision", "upgrade"]
+__all__ = ["down_revision", "revision", "upgrade"]
 
 revision = "0003"
 down_revision = "access_0001"
-branch_labels = None
-depends_on = None
 
 _INDEX = "ix_fits_motor"
 
@@ -17,8 +15,3 @@ _INDEX = "ix_fits_motor"
 def upgrade() -> None:
     """Create the index."""
     op.create_index(_INDEX, "fits", ["workspace", "motor", "created_at"])
-
-
-def downgrade() -> None:
-    """Drop the index."""
-    op.drop_index(_INDEX, "fits")

@@ -5,12 +5,10 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-__all__ = ["branch_labels", "depends_on", "down_revision", "downgrade", "revision", "upgrade"]
+__all__ = ["down_revision", "revision", "upgrade"]
 
 revision = "0005"
 down_revision = "0004"
-branch_labels = None
-depends_on = None
 
 _INDEX = "ix_pending_runs_workspace_created"
 
@@ -38,9 +36,3 @@ def upgrade() -> None:
         sa.Column("mapping", sa.JSON, nullable=False),
         sa.Column("changed_at", sa.Double, nullable=False),
     )
-
-
-def downgrade() -> None:
-    """Drop the tables."""
-    op.drop_table("benches")
-    op.drop_table("pending_runs")
