@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from app.pages.views import run_view
+from app.pages.views import located, run_view
 from app.runs.schemas import RunOut
 from app.tables import RunRow
 
@@ -62,7 +62,10 @@ def prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str, 
         "training": training,
         "parameters": parameters,
         "lacking": lacking,
-        "errors": [{"text": e["message"], "code": e["code"]} for e in found["errors"]],
+        "errors": [
+            {"text": ": ".join(filter(None, (e["file"], located(e)))), "code": e["code"]}
+            for e in found["errors"]
+        ],
         "findings": [
             {
                 "is_refused": f["severity"] == "refuse",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Self
@@ -23,6 +24,8 @@ __all__ = ["router"]
 router = APIRouter(include_in_schema=False)
 
 _LONGEST: Final = 200
+_WIDE: Final = 920.0
+"""Width of a figure that spans the page [drawing units]."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def design_page(
     form, problem, shown = DesignForm.of(request.query_params), "", None
     if request.query_params:
         try:
-            shown = services.analyses.design(caller, fit_id, form.options).entry
+            shown = services.analyses.design(caller, fit_id, form.options)
         except InputError as error:
             problem = sentence(str(error))
         except (FieldRefused, RunRefused) as error:
@@ -83,10 +86,22 @@ def design_page(
         query=urlencode(request.query_params),
         tied=[effect["name"] for effect in effects if effect.get("alternatives")],
         problem=problem,
-        design=shown,
-        summary=_summary(shown) if shown else [],
-        widths=_widths(shown) if shown else [],
+        figure=_figure(shown.table) if shown else None,
+        summary=_summary(shown.entry) if shown else [],
+        widths=_widths(shown.entry) if shown else [],
     )
+
+
+def _figure(table: str) -> str:
+    """Plot of the voltage in a profile, the second column of its table."""
+    import numpy as np
+
+    from identification.reporting.figures.curves import profile_figure
+    from identification.reporting.figures.drawn import drawn_chart
+    from identification.result.attempts import figure
+
+    time, voltage = np.loadtxt(io.StringIO(table), delimiter=",", skiprows=1, usecols=(0, 1)).T
+    return figure("proposed run", lambda: drawn_chart(profile_figure(time, voltage), _WIDE))
 
 
 def _summary(entry: Mapping[str, Any]) -> list[str]:

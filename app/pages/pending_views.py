@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from app.pages.mapping_form import CHANNELS, OPTIONAL
-from app.pages.views import duration, span
+from app.pages.views import duration, located, span
 from app.tables import PendingRow
 
 __all__ = ["finding_view", "pending_list_view", "pending_view"]
@@ -54,13 +54,16 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         "facts": [] if summary is None else _facts(summary),
         "errors": [
             {
-                "text": error["message"] + _remedy(error.get("examples", [])),
+                "text": located(error) + _remedy(error.get("examples", [])),
                 "code": error["code"],
             }
             for error in preview["errors"]
         ],
         "findings": [finding_view(finding) for finding in preview["findings"]],
-        "warnings": [] if summary is None else summary["warnings"],
+        "warnings": [
+            {"text": located(warning), "code": warning["code"]}
+            for warning in (summary or {}).get("warnings", ())
+        ],
         "channels": [
             _channel(
                 name,

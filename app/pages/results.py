@@ -54,7 +54,10 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
         "has_before": any(row.before for row in parameters),
         "errors": rows("table of errors", error_rows, result),
         "steps": report_figures(report, "loop"),
-        "feedback": rows("table of the loop", feedback_tables, result.get("feedback") or ()),
+        "feedback": [
+            *rows("loop that suits", feedback_tables, result.get("feedback_suited") or ()),
+            *rows("table of the loop", feedback_tables, result.get("feedback") or ()),
+        ],
         "remarks": attempts.remarks,
     }
 

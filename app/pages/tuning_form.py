@@ -19,7 +19,7 @@ FIELDS: Final = {
     "settling_time": ("Settling time", "s"),
     "overshoot": ("Overshoot", "%"),
     "steady_error": ("Steady error", "%"),
-    "phase_margin": ("Phase margin", "°"),
+    "phase_margin": ("Phase margin", "deg"),
     "gain_margin": ("Gain margin", "dB"),
     "voltage": ("Voltage limit", "V"),
     "current": ("Current limit", "A"),

@@ -8,9 +8,9 @@ from typing import Any
 
 from app.batches.schemas import BatchSummary
 from app.fits.schemas import FitSummary, Progress
-from app.runs.schemas import RunOut, RunWarningOut
+from app.runs.schemas import RunOut
 
-__all__ = ["batch_view", "duration", "fit_view", "run_view", "span", "when"]
+__all__ = ["batch_view", "duration", "fit_view", "located", "run_view", "span", "when"]
 
 _CHANNELS = {
     "voltage_V": "V",
@@ -32,7 +32,7 @@ def run_view(run: RunOut) -> dict[str, Any]:
         "rate": f"{run.sample_rate_hz:.4g} Hz",
         "length": duration(run.duration_s),
         "ranges": {name: _range(run, name) for name in _CHANNELS},
-        "warnings": [_placed(warning) for warning in run.warnings],
+        "warnings": [located(w.model_dump()) for w in run.warnings],
         "created_at": run.created_at,
         "received": when(run.created_at),
     }
@@ -76,9 +76,10 @@ def _progress(progress: Progress) -> str:
     return " · ".join(parts)
 
 
-def _placed(warning: RunWarningOut) -> str:
-    """Text of a warning with the column that it concerns."""
-    return f"column {warning.column}: {warning.message}" if warning.column else warning.message
+def located(entry: Mapping[str, Any]) -> str:
+    """Message of an error or a warning after the row and the column that it concerns."""
+    position = [f"{name} {entry[name]}" for name in ("row", "column") if entry.get(name)]
+    return ": ".join([*([", ".join(position)] if position else []), entry["message"]])
 
 
 def _range(run: RunOut, name: str) -> str:

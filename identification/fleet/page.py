@@ -290,5 +290,16 @@ def _motor(refit: Refit) -> dict[str, Any]:
         "values": values,
         "role": role,
         "ratios": [refit.noise_ratios.get((role, channel)) for channel in ("current", "speed")],
-        "effects": ", ".join(effect.replace("_", " ") for effect in refit.effects),
+        "notes": _notes(refit),
     }
+
+
+def _notes(refit: Refit) -> list[str]:
+    """Effects, error and first warning of a motor, each as a sentence of its own."""
+    effects = ", ".join(effect.replace("_", " ") for effect in refit.effects)
+    count = len(refit.warnings)
+    return [
+        *([f"Effects: {effects}"] if effects else []),
+        *([refit.error] if refit.error else []),
+        *([f"{count} warning{'s'[: count > 1]}: {refit.warnings[0]}"] if count else []),
+    ]

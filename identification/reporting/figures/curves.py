@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from identification.arrays import Array
+from identification.reporting.columns import extremes
 from identification.reporting.figures.chart import Band, Line, chart
 from identification.result.numbers import number_text, unit_prefix, unit_text
 from identification.result.report_data import CoefficientCurve, StepResponse
@@ -21,6 +22,8 @@ __all__ = [
 ]
 
 _CHANNEL_UNITS = {"speed": "rad/s", "current": "A"}
+_BUCKETS = 450
+"""Buckets of a drawing that spans the page."""
 
 
 def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -> str:
@@ -100,6 +103,14 @@ def prediction_figure(
             Line("simulated", "after", time, simulated, "thin"),
         ],
     )
+
+
+def profile_figure(time: Array, voltage: Array) -> str:
+    """Designed voltage (n_sample,) [V] over time [s]; of many samples, the extremes."""
+    shown = extremes([voltage], _BUCKETS)
+    described = f"Voltage of the next run over {float(time[-1] - time[0]):.4g} s."
+    line = Line("", "voltage", time[shown], voltage[shown], "thin")
+    return chart("Proposed run", described, ("time [s]", "voltage [V]"), [line], height=180)
 
 
 def temperature_kinds(temperatures: Sequence[float]) -> list[str]:

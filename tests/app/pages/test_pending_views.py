@@ -44,3 +44,19 @@ def shown(correction: str) -> str:
 def test_correction_is_given_in_the_fields_of_the_page(correction: str, words: str) -> None:
     """Column, sign, unit and factor are the menus and fields beside the plots."""
     assert shown(correction) == words
+
+
+def test_fault_of_a_cell_is_given_with_its_position() -> None:
+    """The page names row and column, as the command line does."""
+    fault = {"code": "not_a_number", "message": "'x' is not a number", "row": 412, "column": "i"}
+    found: dict[str, Any] = {
+        "preview": {"findings": [], "errors": [fault]},
+        "summary": None,
+        "suggested": {},
+        "columns": [],
+    }
+    row = SimpleNamespace(id="run_1", file="run.csv", found=found, mapping=None, motor="", bench="")
+
+    [shown_fault] = pending_view(cast(PendingRow, row))["errors"]
+
+    assert shown_fault["text"] == "row 412, column i: 'x' is not a number"

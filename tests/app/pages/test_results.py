@@ -43,6 +43,15 @@ def test_parameters_of_the_motor_and_of_its_effects_are_listed() -> None:
     assert shown["has_before"]
 
 
+def test_metrics_of_the_controller_that_suits_the_motor_come_first() -> None:
+    """The key figures refer to this controller, so its table is on the page, too."""
+    suited = [{**entry, "controller": "PI:2,10"} for entry in RESULT["feedback"]]
+
+    tables = result_view({**RESULT, "feedback_suited": suited}, REPORT)["feedback"]
+
+    assert [table.controller for table in tables][:2] == ["PI:2,10", "P:1"]
+
+
 def test_figures_are_those_of_the_report() -> None:
     """Without a readable report the page has its tables and no figures."""
     whole, without = result_view(RESULT, REPORT), result_view(RESULT, "")
