@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 
 import numpy as np
+import scipy.sparse
 
 from tests.ingest.devices import CLOCKS, DEVICES
 from tests.ingest.matlab_logs import OBJECTS
@@ -47,6 +48,8 @@ from tests.ingest.writers import (
 )
 
 __all__ = ["SPECIMENS"]
+
+SPARSE = scipy.sparse.eye_array(3, format="csc")
 
 
 def dated() -> dict[str, object]:
@@ -196,6 +199,11 @@ MATLAB = (
         "two runs, one of them chosen",
         lambda p: mat(p, {"cold": {**RECORD, "voltage_V": RECORD["time_s"]}, "hot": RECORD}),
         mapping={"table": "hot"},
+    ),
+    Specimen(
+        "sparse.mat",
+        "variables, a sparse matrix among them and in a cell",
+        lambda p: mat(p, {**RECORD, "map": SPARSE, "cells": np.array([SPARSE, 1], dtype=object)}),
     ),
     Specimen("simulink.mat", "a log of Simulink", lambda p: mat(p, simulink())),
     Specimen("timeseries.mat", "exported timeseries", lambda p: mat(p, timeseries())),

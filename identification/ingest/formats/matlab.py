@@ -116,7 +116,8 @@ def _node(value: object) -> Node:
         # scipy returns an opaque object as a record whose field s2 is the name of the class.
         return Opaque(plain(_text(cells["s2"].ravel()[0])))
     if cells.dtype.kind == "O":
-        return [_node(child) for child in cells.ravel().tolist()]
+        # A sparse matrix and a function handle have no dimensions here, and are no channels.
+        return [_node(child) for child in cells.ravel().tolist()] if cells.ndim else ""
     if cells.dtype.kind not in "biuf":
         return ""
     return Leaf(cells.shape, partial(np.asarray, cells))
