@@ -203,11 +203,11 @@ def _prospects(parameters: Mapping[str, Mapping[str, Any]]) -> Table:
     table.add_column("to improve it")
     for name, entry in parameters.items():
         sd = entry["expected_sd"]
-        width = "undetermined" if sd is None else f"± {1.645 * sd:.2g}"
+        width = "undetermined" if sd is None else f"± {number_text(1.645 * sd, 2)}"
         table.add_row(
             name,
             unit_text(entry["unit"]),
-            f"{entry['value']:.4g}",
+            "–" if sd is None else number_text(entry["value"], 4),
             width,
             "yes" if entry["identified"] else "NO",
             entry["advice"],

@@ -63,11 +63,10 @@ def missing_columns(
         for name, near in similar.items()
         if near
     )
-    likely = [name for name in names if similar[name]] or names[:1]
     examples: list[Example] = [
         {
             channel: entry
-            for name in likely
+            for name in names
             for channel, entry in example(name, next(iter(similar[name]), None)).items()
         }
     ]
@@ -86,9 +85,11 @@ def missing_columns(
             f"{quoted(angles[0].title)} mapped to position_rad)"
         )
         examples.append(scaled_example("position_rad", angles[0], "RAD_PER_COUNT"))
+    absent = ", ".join(name for name in names if not similar[name])
+    remedy = f"log {absent}, which no column resembles" if absent else "name them in the header"
     return MissingColumn(
         f"no column for {', '.join(names)}{found}; the file has "
-        f"{listed(column.title for column in columns)}; log the missing channel{hint}",
+        f"{listed(column.title for column in columns)}; {remedy}{hint}",
         column=names[0],
         examples=examples,
     )

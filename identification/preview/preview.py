@@ -58,13 +58,13 @@ class Preview:
         if not self.records or any(f.severity == "refuse" for f in self.findings):
             return self
         try:
-            prospects = prospects_of(self.records, joined(self.excitation))
+            prospects, found = prospects_of(self.records, joined(self.excitation))
         except IdentificationError as error:
             note = f"the expected precision cannot be computed: {error}"
             return replace(self, notes=(*self.notes, note))
         values = {prospect.name: prospect.value for prospect in prospects}
         slow = sampling_note(values, interval_of(self.records))
-        notes = (slow, *self.notes) if slow else self.notes
+        notes = (*([slow] if slow else []), *found, *self.notes)
         return replace(self, prospects=tuple(prospects), notes=notes)
 
     @property

@@ -19,7 +19,9 @@ from typing import Final
 
 import numpy as np
 
+from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
+from identification.fit.gains import current_gains, with_one_gain
 from identification.fit.identifiability import precision_of
 from identification.fit.noise import effective_fraction
 from identification.model.declared import DECLARED
@@ -69,8 +71,14 @@ class Prospect:
     """What to record so that it does; empty if it does."""
 
 
-def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Prospect]:
-    """Expected precision of each nominal parameter, from records without contradictions.
+def prospects_of(
+    records: Sequence[Record], excitation: Excitation
+) -> tuple[list[Prospect], list[str]]:
+    """Expected precision of each nominal parameter, and notes on the runs.
+
+    Args:
+        records: Records of runs of one motor without contradictions.
+        excitation: Excitation of all runs together.
 
     Raises:
         ComputationError: The nominal model cannot be simulated.
@@ -78,6 +86,10 @@ def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Pros
     rows = sum(record.rows for record in records)
     segments = informative_segments(records, min(_ROWS, rows))
     fit = fit_declared(segments, "zoh")
+    campaign = Campaign((), (), tuple(segments), (), (), ())
+    if gains := current_gains(fit, campaign):
+        campaign = with_one_gain(campaign, gains)
+        fit = fit_declared(campaign.training, "zoh")
     used = sum(record.rows for record in segments)
     precision = precision_of(fit, effective_fraction(fit))
     # The information grows with the number of samples.
@@ -103,7 +115,7 @@ def prospects_of(records: Sequence[Record], excitation: Excitation) -> list[Pros
         found.append(
             Prospect(parameter.name, bound.estimate, parameter.unit, sd, lacking < 1.0, advice)
         )
-    return found
+    return found, [str(warning) for warning in campaign.warnings]
 
 
 def interval_of(records: Sequence[Record]) -> float:

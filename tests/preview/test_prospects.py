@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from identification import FitOptions, identify
 from identification.ingest.run import Run
 from identification.model.excitation import records_of
 from identification.preview.excitation import excitation_of, joined
 from identification.preview.prospects import Prospect, prospects_of
-from tests.motors import campaign, drive, motor_named, run_of
+from tests.motors import NAMES, campaign, drive, motor_named, run_of
 
 SERVO = motor_named("servo 100 W")
 
@@ -21,7 +23,8 @@ def prospects(runs: Sequence[Run]) -> dict[str, Prospect]:
     """Expected precision by parameter."""
     fastest = max(float(np.abs(run.speed).max()) for run in runs)
     total = joined([excitation_of(run, fastest) for run in runs])
-    return {prospect.name: prospect for prospect in prospects_of(records_of(runs), total)}
+    found, _ = prospects_of(records_of(runs), total)
+    return {prospect.name: prospect for prospect in found}
 
 
 def noisy(temperatures: Sequence[float], rows: int, noise: float, seed: int) -> list[Run]:
@@ -112,3 +115,18 @@ def test_record_longer_by_the_advised_factor_identifies_friction() -> None:
     assert advised is not None
     count = int(np.ceil(1.5 * float(advised[1])))
     assert prospects(noisy((40.0,) * count, 500, 0.25, 4))[one.name].identified
+
+
+def test_current_logged_with_another_gain_does_not_mix_two_motors() -> None:
+    """A sensor that reads half the current shows half the inertia; the first run decides."""
+    runs = noisy([25.0, 25.0], rows=2000, noise=1e-3, seed=4)
+    half = replace(runs[1], current=0.5 * runs[1].current)
+
+    total = joined([excitation_of(run, float(np.abs(run.speed).max())) for run in runs])
+    found, [note] = prospects_of(records_of([runs[0], half]), total)
+
+    inertia = next(prospect for prospect in found if prospect.name == "J")
+    assert inertia.value == pytest.approx(
+        dict(zip(NAMES, SERVO.values, strict=True))["J"], rel=0.02
+    )
+    assert "reads differently in run2.csv (0.5 times)" in note
