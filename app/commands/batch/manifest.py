@@ -13,8 +13,8 @@
         options: {seed: 3}
 
 A file name that ends with .yaml or .yml selects YAML, any other name CSV.  Paths are relative to
-the manifest.  Options of a motor override the common options of the manifest, which override those
-of the command line.
+the manifest, and wildcards such as run*.csv stand for all files that match.  Options of a motor
+override the common options of the manifest, which override those of the command line.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from glob import glob, has_magic
+from os.path import lexists
 from pathlib import Path
 from typing import Any, Final
 
@@ -195,7 +197,8 @@ def _motor(entry: Mapping[str, Any], place: Place, defaults: FitOptions) -> Moto
         raise place.at("training").wrong("has no training run; expected at least one")
     folder = place.path.parent
     training, validation = (
-        tuple(_path(folder, file, place.at(role)) for file in entry[role]) for role in _FILES
+        tuple(run for file in entry[role] for run in _runs(folder, file, place.at(role)))
+        for role in _FILES
     )
     mapping = entry.get("mapping")
     mapped = _path(folder, str(mapping), place.at("mapping")) if mapping else None
@@ -227,6 +230,18 @@ def _path(folder: Path, file: str, place: Place) -> Path:
     if "\0" in file or any("\ud800" <= letter <= "\udfff" for letter in file):
         raise place.wrong(f"{ascii(file)[:60]} is not a valid path; expected a file name")
     return folder / file
+
+
+def _runs(folder: Path, file: str, place: Place) -> list[Path]:
+    """Files that match a name with wildcards, in the order of the numbers in their names."""
+    path = _path(folder, file, place)
+    # A file may have brackets in its name; a name that matches nothing fails with its motor.
+    found = [] if not has_magic(file) or lexists(path) else glob(file, root_dir=folder)
+    return [folder / name for name in sorted(found, key=_by_number)] or [path]
+
+
+def _by_number(name: str) -> list[str | int]:
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
 def _files(value: object, role: str, place: Place) -> list[str]:

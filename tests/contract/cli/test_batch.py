@@ -12,6 +12,8 @@ import pyarrow.parquet
 import pytest
 
 from app.cli import main
+from app.commands.batch.manifest import read_manifest
+from identification.options import FitOptions
 from tests.app.service import PRETENDED
 
 FAST = ["--no-posterior", "--no-effects"]
@@ -55,6 +57,27 @@ def test_motor_with_a_run_twice_fails_alone(run_files: list[Path], tmp_path: Pat
     assert reasons["named"] == reasons["checked"] == twice
     assert f"copy.csv: has the same content as {run_files[0]}; expected each" in reasons["copied"]
     assert (table["good"]["status"], reasons["good"]) == ("fitted", "")
+
+
+@pytest.mark.parametrize("form", ["csv", "yaml"])
+def test_wildcard_stands_for_files_in_the_order_of_their_numbers(tmp_path: Path, form: str) -> None:
+    """The order of recording is that of the numbers; a file named with brackets is no pattern."""
+    names = ["run10.csv", "run9.csv", "check[1].csv", "check1.csv", "notes.txt"]
+    for name in names:
+        (tmp_path / name).touch()
+    manifest = tmp_path / f"motors.{form}"
+    manifest.write_text(
+        "motor,training,validation\nm,run*.csv,check[1].csv\nn,none*.csv,\n"
+        if form == "csv"
+        else "motors: [{motor: m, training: 'run*.csv', validation: ['check[1].csv']}, "
+        "{motor: n, training: ['none*.csv']}]"
+    )
+
+    found, without = read_manifest(manifest, FitOptions())
+
+    assert [path.name for path in found.training] == ["run9.csv", "run10.csv"]
+    assert [path.name for path in found.validation] == ["check[1].csv"]
+    assert [path.name for path in without.training] == ["none*.csv"]
 
 
 def test_pipe_is_refused_without_waiting(
