@@ -49,7 +49,8 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
             }
             for effect in result.get("effects") or ()
         ],
-        "evidence": report_figures(report, "missing"),
+        # The first screen shows what an effect of a sensor removes from the residual.
+        "evidence": report_figures(report, "missing") or report_figures(report, "summary"),
         "parameters": list(parameters),
         "has_before": any(row.before for row in parameters),
         "errors": rows("table of errors", error_rows, result),

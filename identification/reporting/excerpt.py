@@ -35,8 +35,6 @@ class ReportFigure:
 
     svg: Markup
     """SVG element; its classes are those of the style sheet of the page."""
-    title: str
-    """Title, which the report only reads out."""
     caption: str
     """Caption as text."""
     is_wide: bool
@@ -46,8 +44,8 @@ class ReportFigure:
 def report_figures(text: str, section: str) -> list[ReportFigure]:
     """Charts of the section of a report with an id, in their order; empty if it has none.
 
-    The section is ``missing`` for the evidence of the effects, ``loop`` for the step responses.
-    Charts that cannot be drawn are omitted.
+    The section is ``missing`` for the evidence of the effects, ``summary`` for the first screen,
+    ``loop`` for the step responses.  Charts that cannot be drawn are omitted.
     """
     found = re.search(_SECTION.format(re.escape(section)), text, re.DOTALL)
     figures = []
@@ -58,6 +56,5 @@ def report_figures(text: str, section: str) -> list[ReportFigure]:
         except ValueError:
             continue
         svg = Markup(drawn)  # noqa: S704  text is escaped where it is drawn
-        title = html.unescape(match["words"]).partition(". ")[0]
-        figures.append(ReportFigure(svg, title, html.unescape(match["caption"]), is_wide))
+        figures.append(ReportFigure(svg, html.unescape(match["caption"]), is_wide))
     return figures

@@ -188,7 +188,8 @@ def effect_tiles(data: ReportData) -> list[EffectTile]:
 
 
 def _place(effect: Entry) -> str:
-    where = f"{effect['equation']} equation"
+    variant = f" ({effect['variant']})" if effect.get("variant") else ""
+    where = f"{effect['equation']} equation{variant}"
     return f"{where}, function of {listed(effect['drivers'])}" if effect["drivers"] else where
 
 

@@ -51,6 +51,7 @@ class ResidualCheck:
     voltage_before: Correlation | None
     """Cross-correlation with the voltage for the nominal model; None if that is the final model."""
 
+    @property
     def plots(self) -> list[tuple[str, Correlation, Correlation | None]]:
         """Title, and correlation of the final and of the nominal model, of each plot."""
         own = f"Autocorrelation of the {self.channel} residual"

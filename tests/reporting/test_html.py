@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from identification.reporting.excerpt import report_figures
 from identification.reporting.html import content_security_policy, render_report
 from identification.result.report_data import PosteriorChain, ReportData
 from tests.reports import make_report
@@ -191,6 +192,17 @@ def test_the_account_of_a_search_is_given_only_where_there_is_one(
     """The report of a motor without an effect contains no account of a search."""
     assert words in Page(told).text
     assert words not in Page(clean).text
+
+
+def test_tile_of_an_effect_in_a_sensor_shows_the_correlation_that_it_removes() -> None:
+    """There is no missing torque or voltage to plot; the residual of the nominal model has it."""
+    data = make_report(with_effect=True)
+    assert data.account is not None
+    text = render_report(replace(data, account=replace(data.account, terms=(), traces=())))
+
+    [figure] = report_figures(text, "summary")
+    assert "of the lags lie outside the 99 % band of white noise (nominal model: " in figure.caption
+    assert "validation runs" in figure.caption
 
 
 def test_table_of_candidates_that_were_not_fitted_is_left_out() -> None:
