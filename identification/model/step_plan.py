@@ -18,8 +18,9 @@ import casadi as ca
 import numpy as np
 
 from identification.arrays import Array
-from identification.model.composite import INPUTS, MotorModel
+from identification.model.composite import MotorModel
 from identification.model.excitation import Record
+from identification.model.pointwise import values_at
 
 __all__ = ["StepPlan", "plan_for", "stiffness"]
 
@@ -106,16 +107,15 @@ def stiffness(
     largest = 0.0
     for record, state in zip(records, states, strict=True):
         rows = np.linspace(0, record.rows - 1, min(_SAMPLED, record.rows)).astype(int)
-        points = np.repeat(state[:, None], rows.size, axis=1)
-        points[:2] = record.measured[rows].T
+        points = np.repeat(state[None], rows.size, axis=0)
+        points[:, :2] = record.measured[rows]
         if np.ptp(np.sign(record.measured[:, 1])) > 0.0:
             still = points.copy()
-            still[1] = 0.0
-            points, rows = np.hstack([points, still]), np.tile(rows, 2)
-        columns = np.repeat(values[:, None], rows.size, axis=1)
-        found = np.asarray(_jacobian(model, rows.size)(points, record.inputs[rows].T, columns))
-        n = state.size
-        stack = found.reshape(n, rows.size, n).transpose(1, 0, 2)
+            still[:, 1] = 0.0
+            points, rows = np.vstack([points, still]), np.tile(rows, 2)
+        repeated = np.repeat(values[None], rows.size, axis=0)
+        found = values_at(_jacobian(model), points, record.inputs[rows], repeated)
+        stack = found.reshape(rows.size, state.size, state.size).transpose(0, 2, 1)
         stack = stack[np.isfinite(stack).all(axis=(1, 2))]
         if stack.size:
             radius = np.abs(np.linalg.eigvals(stack)).max()
@@ -124,7 +124,6 @@ def stiffness(
 
 
 @lru_cache(_STRUCTURES)
-def _jacobian(model: MotorModel, points: int) -> ca.Function:
-    x = ca.SX.sym("x", len(model.state_names))
-    u, p = ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", len(model.parameters))
-    return ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)]).map(points)
+def _jacobian(model: MotorModel) -> ca.Function:
+    x, u, p = model.symbols()
+    return ca.Function("jacobian", [x, u, p], [ca.densify(ca.jacobian(model.rates(x, u, p), x))])

@@ -31,6 +31,7 @@ from identification.fit.solve import Fit
 from identification.linear import least_squares
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
+from identification.model.pointwise import values_at
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["PathSamples", "FinalPath", "final_path"]
@@ -235,15 +236,10 @@ def _rates(
     at = [whole.state_names.index(name) for name in model.state_names]
     names = [parameter.name for parameter in whole.parameters]
     own = values[[names.index(parameter.name) for parameter in model.parameters]]
-    x = ca.SX.sym("x", len(at))
-    u = ca.SX.sym("u", len(INPUTS))
-    p = ca.SX.sym("p", own.shape[0])
+    x, u, p = model.symbols()
     function = ca.Function("rates", [x, u, p], [model.rates(x, u, p)[:2]])
-    samples = inputs.shape[0]
     found = [
-        np.asarray(
-            function(states[:, at, lane].T, inputs.T, np.repeat(own[:, lane, None], samples, 1))
-        ).T
-        for lane in range(own.shape[1])
+        values_at(function, states[:, at, lane], inputs, np.repeat(one[None], len(inputs), axis=0))
+        for lane, one in enumerate(own.T)
     ]
     return np.array(found)

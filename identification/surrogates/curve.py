@@ -10,6 +10,7 @@ Source: Eilers and Marx, Statistical Science 11 (1996), 89-121 (B-splines on equ
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Final
@@ -22,6 +23,7 @@ from identification.effects.effect import AbstractForced, Scope
 from identification.effects.parameters import amplitude
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
+from identification.model.pointwise import values_at
 from identification.model.term import Expression, Signals, Values
 
 __all__ = ["HEIGHTS", "REGRESSORS", "STRAIGHT", "AbstractCurve"]
@@ -29,6 +31,8 @@ __all__ = ["HEIGHTS", "REGRESSORS", "STRAIGHT", "AbstractCurve"]
 HEIGHTS: Final = 9
 _STEEP: Final = 3e-3
 _FINE: Final = 2000
+_SIGNALS: Final = ("current", "speed", "voltage", "temperature", "angle", "time", "run")
+"""Signals that change in a run."""
 
 STRAIGHT: Final = ("temperature", "time", "time in the run", "position")
 """Signals that are not compressed by asinh."""
@@ -152,17 +156,12 @@ class AbstractCurve(AbstractForced):
 
     def columns(self, record: Record, current: Array, speed: Array) -> Array:
         """Basis functions times carrier, without collinear part, (n_sample, n_coefficient) [-]."""
-        along, carrier = _functions(self)
-        rows = np.array(
-            [
-                current,
-                speed,
-                *[record.column(n) for n in ("voltage", "temperature", "angle", "time", "run")],
-            ]
-        )
-        (drawn,), (carried,) = _evaluated(along, rows), _evaluated(carrier, rows)
+        others = [record.column(name) for name in _SIGNALS[2:]]
+        drawn, carried = values_at(_drawn(self), np.column_stack([current, speed, *others])).T
         if self.along == "position":
-            hats = _evaluated(_basis(self), drawn[None, :]).T
+            x = ca.SX.sym("x")
+            basis = ca.Function("basis", [x], [ca.vertcat(*self.basis_of(x))])
+            hats = values_at(basis, drawn[:, None])
         else:
             grid, table = _table(self)
             hats = np.column_stack([np.interp(drawn, grid, hat) for hat in table])
@@ -224,18 +223,20 @@ class AbstractCurve(AbstractForced):
         return ca.SX(1)
 
     def basis_of(self, along: Expression) -> list[Expression]:
-        """Cubic B-splines on equidistant knots; a Fourier basis for the angle."""
+        """Cubic B-splines on equidistant knots, also of an array; a Fourier basis for the angle."""
         if self.along == "position":
             found = []
             for order in range(1, HEIGHTS // 2 + 1):
                 found += [ca.sin(order * along), ca.cos(order * along)]
             return [*found, ca.SX(1)][:HEIGHTS]
         width = (self.upper - self.lower) / (HEIGHTS - 3)
-        inside = ca.fmin(ca.fmax(along, self.lower), self.upper)
+        least, most = _limits_of(along)
+        inside = least(most(along, self.lower), self.upper)
         found = []
         for k in range(HEIGHTS):
-            off = ca.fabs((inside - self.lower) / width - (k - 1))
-            found.append((ca.fmax(2 - off, 0) ** 3 - 4 * ca.fmax(1 - off, 0) ** 3) / 6)
+            off = abs((inside - self.lower) / width - (k - 1))
+            wide, narrow = most(2 - off, 0), most(1 - off, 0)
+            found.append((wide * wide * wide - 4 * (narrow * narrow * narrow)) / 6)
         if self.along not in STRAIGHT:
             # Linear extrapolation beyond the observed range.
             for k, slope in self._ends(along):
@@ -245,48 +246,27 @@ class AbstractCurve(AbstractForced):
     def _ends(self, along: Expression) -> list[tuple[int, Expression]]:
         """Linear extrapolation beyond both ends: index and increment of each basis function."""
         twice = 2 * (self.upper - self.lower) / (HEIGHTS - 3)
-        is_array = isinstance(along, np.ndarray)
-        least, most = (np.minimum, np.maximum) if is_array else (ca.fmin, ca.fmax)
+        least, most = _limits_of(along)
         below, above = least(along - self.lower, 0) / twice, most(along - self.upper, 0) / twice
         return [(0, -below), (2, below), (HEIGHTS - 3, -above), (HEIGHTS - 1, above)]
 
 
 @lru_cache(64)
-def _functions(term: AbstractCurve) -> tuple[ca.Function, ca.Function]:
-    """Signal and carrier as functions of the signals that change in a run."""
-    names = ("current", "speed", "voltage", "temperature", "angle", "time", "run")
-    symbols = {name: ca.SX.sym(name) for name in names}
+def _drawn(term: AbstractCurve) -> ca.Function:
+    """Compressed signal and carrier as a function of `_SIGNALS`."""
+    symbols = {name: ca.SX.sym(name) for name in _SIGNALS}
     signals = Signals(**symbols, peak_temperature=ca.SX(0))
-    rows = ca.vertcat(*symbols.values())
-    return (
-        ca.Function("along", [rows], [term.along_of(signals)]),
-        ca.Function("carrier", [rows], [term.carrier_of(signals)]),
-    )
+    both = ca.vertcat(term.along_of(signals), term.carrier_of(signals))
+    return ca.Function("drawn", [ca.vertcat(*symbols.values())], [both])
 
 
-def _basis(term: AbstractCurve) -> ca.Function:
-    """Basis as a function of the compressed signal."""
-    x = ca.SX.sym("x")
-    return ca.Function("basis", [x], [ca.vertcat(*term.basis_of(x))])
+def _limits_of(along: Expression) -> tuple[Callable[..., Expression], Callable[..., Expression]]:
+    """Elementwise minimum and maximum, for arrays and for expressions."""
+    return (np.minimum, np.maximum) if isinstance(along, np.ndarray) else (ca.fmin, ca.fmax)
 
 
 @lru_cache(64)
 def _table(term: AbstractCurve) -> tuple[Array, Array]:
     """(n_point,) values of the compressed signal, and (n_coefficient, n_point) the basis there."""
     grid = np.linspace(term.lower, term.upper, _FINE)
-    return grid, _evaluated(_basis(term), grid[None, :])
-
-
-def _evaluated(function: ca.Function, points: Array) -> Array:
-    """Values of a function at every point, (n_out, n_point), from (n_in, n_point).
-
-    Uses buffers, since the conversion of an array to a CasADi matrix would dominate the run time.
-    """
-    given = np.ascontiguousarray(points.T)
-    found = np.empty((points.shape[1], function.size1_out(0)))
-    buffer, evaluate = function.map(points.shape[1]).buffer()
-    # A memoryview has a size of its own; the stubs lack this overload.
-    buffer.set_arg(0, given.data)  # type: ignore[call-arg]
-    buffer.set_res(0, found.data)  # type: ignore[call-arg]
-    evaluate()
-    return np.asarray(found.T)
+    return grid, np.array(term.basis_of(grid))
