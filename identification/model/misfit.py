@@ -175,8 +175,10 @@ def _reduced(
     if interpolated:
         prepare, step = transition_functions(model, plan)
         functions = [step, prepare]
-    used = [any(_depends(f, k) for f in functions) for k in range(len(INPUTS))]
-    columns = tuple(k for k, needed in enumerate(used) if needed)
+    used = {
+        k for f in functions for output in range(2) for k in f.jac_sparsity(output, 1).get_col()
+    }
+    columns = tuple(sorted(used))
     few = ca.SX.sym("u", len(columns))
     row = ca.SX.zeros(len(INPUTS))
     for index, k in enumerate(columns):
@@ -188,8 +190,3 @@ def _reduced(
         results = list(f(carry, row, parameter))
         reduced.append(ca.Function(f.name(), [carry, few, parameter], results))
     return columns, reduced[0], reduced[1] if interpolated else None
-
-
-def _depends(function: ca.Function, column: int) -> bool:
-    """Whether any output depends on the given column of the inputs."""
-    return any(column in function.jac_sparsity(k, 1).get_col() for k in range(2))

@@ -33,7 +33,7 @@ from typing import Final
 
 import casadi as ca
 
-from identification.model.composite import INPUTS, MotorModel
+from identification.model.composite import INPUTS, Hold, MotorModel
 from identification.model.history import history_size, updated_history
 from identification.model.step_plan import StepPlan
 from identification.model.term import Expression
@@ -56,7 +56,7 @@ def step_function(model: MotorModel, plan: StepPlan) -> ca.Function:
     advanced = whole[:n]
     logged = model.logged(state, inputs, parameter)
     if model.delays or averaged:
-        now, slopes = _inputs_within(model, inputs)
+        now, slopes = _inputs_within(model.held)(inputs)
         end = now + inputs[0] * slopes
         history, logged = updated_history(
             model, (state, whole), carry[n:], (inputs, end), parameter, logged
@@ -98,7 +98,7 @@ def advance(
     linear = ca.Function("linear", [x, u, p, slope], [rates, jacobian, ca.jtimes(rates, u, slope)])
     interval = inputs[0]
     is_averaged = bool(ca.depends_on(rates, u[INPUTS.index("turn")]))
-    now, slopes = _inputs_within(model, inputs, is_averaged=is_averaged)
+    now, slopes = _inputs_within(model.held, is_averaged=is_averaged)(inputs)
     f, matrix, drift = linear(state, now, parameter, slopes * interval)
     prepare, moves, corrects = _increments(matrix.sparsity().serialize(), plan)
     prepared = prepare.call([matrix, interval])
@@ -121,19 +121,18 @@ def _is_curved(
     return bool(ca.depends_on(ca.jacobian(rates, moved), moved))
 
 
-def _inputs_within(
-    model: MotorModel, inputs: Expression, *, is_averaged: bool = False
-) -> tuple[Expression, Expression]:
-    """Inputs at the start of the interval and their slopes [1/s].
+@lru_cache
+def _inputs_within(hold: Hold, *, is_averaged: bool = False) -> ca.Function:
+    """Inputs (n_input,) -> inputs at the start of the interval and their slopes [1/s].
 
     The reciprocal of a zero length (the last interval of a record) is replaced by zero, so nothing
     divides by zero.
 
     Args:
-        model: The model.
-        inputs: (n_input,).
+        hold: Inter-sample behaviour of the voltage.
         is_averaged: Whether a torque is averaged over the angle, which is then the middle one.
     """
+    inputs = ca.SX.sym("u", len(INPUTS))
     columns: list[Expression] = ca.vertsplit(inputs)
     column = dict(zip(INPUTS, columns, strict=True))
     inverse = ca.if_else(column["interval"] > 0, 1 / column["interval"], 0)
@@ -145,13 +144,13 @@ def _inputs_within(
             # leave A at the start temperature, a first-order error in the heating.
             now.append(column[name] + 0.5 * change)
             slope.append(ca.SX(0))
-        elif name == "angle" or (name == "voltage" and model.held == "foh"):
+        elif name == "angle" or (name == "voltage" and hold == "foh"):
             now.append(column[name])
             slope.append(change * inverse)
         else:
             now.append(column[name])
             slope.append(ca.SX(1 if name == "time" else 0))
-    return ca.vertcat(*now), ca.vertcat(*slope)
+    return ca.Function("within", [inputs], [ca.vertcat(*now), ca.vertcat(*slope)])
 
 
 @lru_cache(_STRUCTURES)
@@ -270,7 +269,7 @@ def transition_functions(model: MotorModel, plan: StepPlan) -> tuple[ca.Function
     transition) -> (state at the next sample, readings at this one) applies them at each sample.
     """
     x, u, p = model.symbols()
-    now, _ = _inputs_within(model, u)
+    now, _ = _inputs_within(model.held)(u)
     rates = model.rates(x, u, p)
     column = INPUTS.index("voltage")
     derivatives = [ca.jacobian(rates, x), ca.jacobian(rates, u)[:, column]]
