@@ -90,10 +90,11 @@ def _backward_error(coefficients: Array, roots: Extended) -> NDArray[np.longdoub
 
     Each distance is relative to the same coefficient of prod (s + |z_i|).
     """
-    product = np.zeros((*coefficients.shape, 2), dtype=np.clongdouble)
-    product[:, 0] = 1.0
+    product = np.zeros(coefficients.shape, dtype=np.clongdouble)
+    scale = np.zeros(coefficients.shape, dtype=np.longdouble)
+    product[:, 0] = scale[:, 0] = 1.0
     for root in roots.T:
-        factors = np.stack([-root, np.abs(root)], axis=-1)
-        product[:, 1:] += factors[:, None] * product[:, :-1]
-    distance, scale = np.abs(product[..., 0] - coefficients), product[..., 1].real
+        product[:, 1:] -= root[:, None] * product[:, :-1]
+        scale[:, 1:] += np.abs(root)[:, None] * scale[:, :-1]
+    distance = np.abs(product - coefficients)
     return np.asarray(np.where(distance == 0, 0.0, distance / scale).max(axis=1))
