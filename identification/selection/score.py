@@ -93,25 +93,32 @@ def with_fitted_hold(fit: Fit, scores: Sequence[Score]) -> list[Score]:
 def sized(candidate: Candidate, first: int, weights: Array) -> tuple[Array, Array]:
     """Starting point of a refit: amplitudes from the score within their bounds, shapes unchanged.
 
-    An amplitude outside the bounds can be clipped to zero.  The start then has the amplitude of the
-    prototype, because an effect that fits well at a finite amplitude need not gain near zero.
+    Amplitudes scored together are reduced by a common factor: clipping each spline coefficient by
+    itself would leave the direction along which the gain is predicted.  A single amplitude outside
+    the bounds can be clipped to zero.  The start then has the amplitude of the prototype, because
+    an effect that fits well at a finite amplitude need not gain near zero.
 
     Returns:
         The starting point, and the weights of the prototypes in it.
     """
-    parameters = candidate.term.parameters
     columns = candidate.starts[:, first : first + weights.size]
     if columns.size == 0:
         return np.zeros(0), weights
-    start = columns[:, 0].copy()
-    for row, parameter in enumerate(parameters):
-        if parameter.vanishes:
-            factor = np.clip(weights, -30.0, 30.0)
-            value = float(columns[row] @ factor)
-            reach = 3.0 * parameter.prior_sd * parameter.scale
-            low, high = max(parameter.lower, -reach), min(parameter.upper, reach)
-            start[row] = float(np.clip(value, low, high))
-            if start[row] == 0.0 and columns[row].any():
-                start[row] = float(columns[row][np.argmax(np.abs(columns[row]))])
-                weights = np.ones(1) if weights.size == 1 else weights
+    start, parameters = columns[:, 0].copy(), candidate.term.parameters
+    rows = [row for row, parameter in enumerate(parameters) if parameter.vanishes]
+    own = columns[rows]
+    reach = [3.0 * parameters[row].prior_sd * parameters[row].scale for row in rows]
+    low = np.maximum([parameters[row].lower for row in rows], np.negative(reach))
+    high = np.minimum([parameters[row].upper for row in rows], reach)
+    if weights.size == 1:
+        sizes = np.clip(own @ np.clip(weights, -30.0, 30.0), low, high)
+        is_clipped = (sizes == 0.0) & own.any(axis=1)
+        sizes[is_clipped] = own[is_clipped, 0]
+        weights = np.ones(1) if is_clipped.any() else weights
+    else:
+        sizes = own @ weights
+        excess = sizes / np.where(sizes > 0.0, high, low)
+        factor = 1.0 / np.max(excess, initial=1.0)
+        weights, sizes = factor * weights, factor * sizes
+    start[rows] = sizes
     return start, weights

@@ -116,6 +116,7 @@ def search(
     report(policy.rounds / (policy.rounds + 2))
     if is_exhausted and not listed.spent:
         _restart(state)
+    is_cut_short |= _is_overrun(trials)
     _add_curve(state, is_exhausted=is_exhausted)
     report((policy.rounds + 1) / (policy.rounds + 2))
     return _outcome(state, nominal, is_part, not (trials.over or is_cut_short))
@@ -143,6 +144,16 @@ def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool,
     exchange(state)
     _refunded(began, listed, budget)
     return False, False
+
+
+def _is_overrun(trials: Trials) -> bool:
+    """Whether the rounds have spent the whole budget; that of the curves is then granted anew."""
+    budget, policy = trials.budget, trials.policy
+    is_overrun = budget.left < 0.0
+    if is_overrun:
+        whole = trials.longest / policy.refit_budget
+        budget.extend((1.0 - policy.catalogue_budget) * whole - budget.left)
+    return is_overrun
 
 
 def _refunded(began: float, *budgets: Budget) -> float:
@@ -232,12 +243,15 @@ def _fit_curve(state: State) -> None:
     """Fit the best curve to the nominal model alone if the effects leave structured residuals.
 
     If the missing effect is not in the catalogue, the search accumulates surrogates.  A curve that
-    fits better than two of them stops this.
+    fits better than two of them stops this.  A law with a grid of starting points is fitted in any
+    case: its score is no prediction of what another point of the grid gains.
     """
     trials, nominal = state.trials, state.nominal
     if trials.over or not _has_structure(state):
         return
-    curves = trials.curves(nominal)[: trials.policy.curves]
+    scores = trials.curves(nominal)
+    curves = scores[: trials.policy.curves]
+    curves += [score for score in scores[len(curves) :] if score.candidate.tried is not None]
     limit = trials.abandon_cost(state.current, nominal)
     state.curve = accept(State(trials, nominal, nominal), curves, limit)
 
@@ -284,11 +298,12 @@ def _add_curve(state: State, *, is_exhausted: bool) -> None:
 
 
 def _effects_of(state: State) -> list[Found]:
-    """Effects of the final model, after exchanges that need no further refit.
+    """Effects of the final model, after removals and exchanges that need no further refit.
 
     If the search was cut short, or changed its model last, a model that was evaluated before may
     rank better with another type in place of an effect.
     """
+    backward(state)
     effects, better = _explained(state)
     for _ in range(state.trials.policy.rounds):
         if better is None:

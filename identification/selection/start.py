@@ -120,7 +120,13 @@ def begun(
     sums = simulator.misfit(coordinates.values(lanes), columns, weighting)
     cost = weighting.sized(sums)[1] - coordinates.log_prior(lanes)
     best = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
-    return simulator, *points[best]
+    position, states = points[best]
+    if best > 0:
+        # If the whole step diverges, it has the most substeps; the chosen point needs few of them.
+        values = coordinates.values(position)
+        simulator = fit.simulator.changed_to(model, values)
+        simulator = simulator.roughly_accurate(values, states, weighting.deviation)
+    return simulator, position, states
 
 
 def _extended(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) -> Point:

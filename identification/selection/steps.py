@@ -165,9 +165,13 @@ def enrich(state: State) -> None:
 
 
 def backward(state: State) -> None:
-    """Remove effects that no longer meet the criteria; the last remaining effect is kept."""
+    """Remove effects that no longer meet the criteria; the last remaining effect is kept.
+
+    It is cheap, so it does not end with the budget: a fit without the effect that is cut short only
+    makes the effect seem to gain more.
+    """
     for term in state.current.fit.simulator.model.terms:
-        if len(state.current.fit.simulator.model.terms) < 2 or state.trials.over:
+        if len(state.current.fit.simulator.model.terms) < 2:
             return
         simpler = state.trials.without(state.current, term)
         if not state.trials.criteria(state.current, simpler).passed:

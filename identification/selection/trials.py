@@ -219,6 +219,7 @@ class Trials:
 
         A candidate is skipped if its predicted gain, however much it is underestimated, is less
         than the gain that `abandon_cost` requires, or less than a gain close to the best so far.
+        An unlisted law with a grid of starting points has no such prediction.
 
         Args:
             current: Model to which the candidates are added.
@@ -233,7 +234,9 @@ class Trials:
             if fit is None:
                 needed = current.fit.cost - min(abandon_cost, current.fit.cost)
                 needed = max(needed, (1.0 - policy.close_share) * (current.fit.cost - best))
-                if self.underestimate(current, score.candidate.term) * score.gain < needed:
+                term, grid = score.candidate.term, score.candidate.tried
+                is_predicted = grid is None or term.name != "unlisted"
+                if is_predicted and self.underestimate(current, term) * score.gain < needed:
                     continue
                 slack = max(policy.abandon_slack, policy.close_share * (current.fit.cost - best))
                 limits = self.limits(min(best + slack, abandon_cost), self.longest)

@@ -6,12 +6,13 @@ import pytest
 
 from bench import EffectRequest, Noise, make_campaign
 from identification.effects.cogging import CoggingTorque
+from identification.effects.effect import effects_of
 from identification.fit.declared import fit_declared
 from identification.selection.outcome import Outcome
 from identification.selection.policy import SelectionPolicy
 from identification.selection.search import search
 from identification.selection.trials import Trials
-from identification.work import Budget
+from identification.work import Budget, metered
 from tests.effects.hidden import records_of_bench
 
 
@@ -73,6 +74,33 @@ def test_a_search_that_stops_before_a_round_is_not_complete() -> None:
         complete.append(outcome.complete)
 
     assert complete == [False, True]
+
+
+def test_a_voltage_loss_with_the_square_of_the_current_is_no_heat_though_the_budget_ends() -> None:
+    """Self-heating is refitted first and overruns the budget; that of the curves remains."""
+    measured = make_campaign(
+        "servo_150w", ["square_voltage_loss"], seed=12, rows=800, training=3, validation=1
+    )
+    campaign = records_of_bench(measured)
+
+    with metered():
+        outcome = search(fit_declared(campaign.training, "zoh"), campaign, budget=Budget(5e9))
+
+    assert [found.name for found in outcome.effects] == ["unlisted"]
+    assert not outcome.complete
+
+
+def test_backlash_is_no_compliant_shaft_though_its_score_is_small() -> None:
+    """Its predicted gain is a tenth of that of a shaft; a grid of starts finds 60 times as much."""
+    request = EffectRequest("backlash", 0.112)
+    measured = make_campaign(14_010_077, [request], 14_000_077, rows=1000, training=3, validation=1)
+    campaign = records_of_bench(measured)
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    assert [found.name for found in outcome.effects] == ["unlisted"]
+    terms = effects_of(outcome.fit.simulator.model.terms)
+    assert [term.variant for term in terms] == ["backlash"]
 
 
 def test_a_third_harmonic_of_cogging_is_part_of_the_cogging() -> None:

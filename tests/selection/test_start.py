@@ -22,8 +22,11 @@ from identification.model.weighting import Weighting
 from identification.selection.policy import SelectionPolicy
 from identification.selection.refit import refitted_as, refitted_with, swapped
 from identification.selection.scales import scales_of
+from identification.selection.score import sized
 from identification.selection.screen import screened
 from identification.selection.start import Start, begun, has_odd_coefficients, traded
+from identification.selection.tracing import missing_curves
+from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
 
 
@@ -88,6 +91,41 @@ def test_every_fourth_sample_predicts_no_larger_gain() -> None:
     few = max(score.gain for score in screened(fit, candidates, policy))
 
     assert few < 4 * (whole + 5)
+
+
+def test_the_curve_of_a_voltage_loss_is_fitted_for_a_motor_that_settles_within_a_sample() -> None:
+    """The loss grows with i^2.5, so the outer spline coefficients are large.
+
+    Clipped one by one, they made the start diverge: its comparison alone took 43 giga-operations,
+    and nothing was gained.
+    """
+    request = EffectRequest("square_voltage_loss", 0.101, law="power_2.5")
+    hidden = records_of_bench(make_campaign(14_010_313, [request], 14_000_313, rows=500))
+    declared = fit_declared(hidden.training, "zoh")
+    curve = missing_curves(declared)[0]
+
+    with metered():
+        limits = TerminationLimits(20, budget=Budget(1e10))
+        fit = refitted_with(declared, curve.candidate.final, curve.starts, limits)
+
+        assert operations() < 1.5e10
+    assert curve.candidate.final.drivers == ("current",)
+    assert np.all(fit.weighting.deviation < 0.5 * declared.weighting.deviation)
+
+
+def test_amplitudes_scored_together_keep_their_ratio_at_a_start() -> None:
+    """A zero error 50 times beyond its range, with a drift of two fifths of it per run."""
+    declared = fit_declared(campaign("voltage_offset", 0.02, seed=37).training, "zoh")
+    candidate = VoltageOffset.candidates(scales_of(declared))[-1]
+    offset, _ = candidate.term.parameters
+    reach = 3.0 * offset.prior_sd * offset.scale / candidate.starts[0, 0]
+
+    start, weights = sized(candidate, 0, np.array([50.0 * reach, 200.0 * reach]))
+
+    assert candidate.joint == 2
+    assert start[1] / start[0] == pytest.approx(0.4)
+    assert weights[1] / weights[0] == pytest.approx(4.0)
+    assert abs(start[0]) <= 3.0 * offset.prior_sd * offset.scale * (1 + 1e-12)
 
 
 def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:
