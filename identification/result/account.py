@@ -118,9 +118,9 @@ def _found_sentence(found: Found, term: AbstractEffect) -> str:
             f"{words} acts in the {term.equation} equation. With it, the simulation "
             f"error {_change(training)} on the training runs{validation}."
         )
-    if found.alternatives:
+    if found.others:
         others = ", ".join(
-            f"{o.name.replace('_', ' ')} ({100 * o.probability:.0f} %)" for o in found.alternatives
+            f"{name.replace('_', ' ')} ({100 * share:.0f} %)" for name, share in found.others
         )
         text += f" Alternatives that the runs do not exclude: {others}."
     return text
@@ -173,7 +173,7 @@ def _off(relative: Mapping[str, Any]) -> str:
 
 def _candidates(outcome: Outcome, terms: Mapping[str, AbstractEffect]) -> list[CandidateRow]:
     """Effects of the final model, then the first trial of each other effect type, best first."""
-    alternatives = {o.name: o.probability for found in outcome.effects for o in found.alternatives}
+    alternatives = dict(other for found in outcome.effects for other in found.others)
     rows: dict[str, CandidateRow] = {}
     for found in outcome.effects:
         refusal = found.criteria.refusal

@@ -84,7 +84,7 @@ def _account(
     found = attempts.part("missing term", _missing, result, findings)
     terms, traces = found or ([], [])
     return attempts.part(
-        "search for effects", account_of, findings.outcome, result, findings.final, terms, traces
+        "search for effects", account_of, findings.judged, result, findings.final, terms, traces
     )
 
 

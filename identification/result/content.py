@@ -94,7 +94,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         },
         "parameters": after,
         "correlation": _correlation(final, findings.draws),
-        "effects": effect_entries(findings.outcome, final, findings.draws, findings.known),
+        "effects": effect_entries(findings.judged, final, findings.draws, findings.known),
         "models": model_entries(findings.outcome, final, findings.fraction),
         "diagnosis": {
             "residual": detection_entry(findings.before),

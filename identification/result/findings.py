@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+
 from identification.arrays import Array
 from identification.checks.admission import Admission
 from identification.diagnosis.detection import Detection, detect
@@ -19,6 +21,7 @@ from identification.fit.sensors import bounded_noise
 from identification.fit.solve import Fit
 from identification.options import FitOptions
 from identification.posterior.sample import Sample
+from identification.result.entries import NEAR_NOISE
 from identification.selection.omitted import OmittedTerm, consider_variances
 from identification.selection.outcome import Outcome
 from identification.speed_loop.controller import AbstractController
@@ -111,6 +114,15 @@ class Findings:
     def known(self) -> dict[str, bool]:
         """Whether the data identify each parameter of the final model, omitted terms considered."""
         return identified(self.final, self.fraction, consider_variances(self.final, self.omitted))
+
+    @cached_property
+    def judged(self) -> Outcome | None:
+        """Outcome with the probabilities of its effects given what the final model leaves."""
+        if self.outcome is None:
+            return None
+        runs = self.simulated["after"]
+        error = root_mean_square(runs["validation"] or runs["training"])
+        return self.outcome.given(error / np.maximum(NEAR_NOISE * self.noise, 1e-300))
 
     @property
     def has_effects(self) -> bool:

@@ -42,8 +42,7 @@ def effect_entries(
                 "parameters": parameters,
                 "evidence": _evidence(found),
                 "alternatives": [
-                    {"name": other.name, "probability": other.probability}
-                    for other in found.alternatives
+                    {"name": name, "probability": probability} for name, probability in found.others
                 ],
                 "settings": term.settings,
             }

@@ -50,6 +50,7 @@ __all__ = [
     "UNCOMPUTED",
     "AcceptanceCriteria",
     "EvaluatedModel",
+    "by_chance",
     "evaluated",
     "probabilities",
     "scores_of",
@@ -81,6 +82,10 @@ class AcceptanceCriteria:
     """Whether the effect is restricted to single runs."""
     flaw: str = ""
     """Why the fitted effect is implausible for its type; empty if it is plausible."""
+    unknowns: int = 1
+    """Number of unknowns that the effect adds."""
+    tried: int = 1
+    """Number of prototypes from which the effect was selected."""
     policy: SelectionPolicy = field(default=DEFAULT, repr=False)
     """Limits of the criteria."""
 
@@ -193,7 +198,7 @@ class EvaluatedModel:
             log_odds = self.fraction * float(np.sum((ratio * self.unseen.count)[counts > 0]))
         return AcceptanceCriteria(
             gain=self.fraction * (simpler.fit.cost - self.fit.cost),
-            needed=0.5 * max(more, 1) * np.log(samples) + np.log(max(tried, 1)),
+            needed=by_chance(max(more, 1), samples, max(tried, 1)),
             training=float(np.sum(fall[counts > 0])),
             validation=validation,
             possible=possible,
@@ -201,6 +206,8 @@ class EvaluatedModel:
             local=bool(added) and all(term.is_local for term in added),
             # An extended variant has the type of the term it replaces, and can be implausible too.
             flaw=self._flaw([t for t in terms if t not in simpler.fit.simulator.model.terms]),
+            unknowns=max(more, 1),
+            tried=max(tried, 1),
             policy=policy,
         )
 
@@ -252,6 +259,11 @@ class EvaluatedModel:
         with np.errstate(divide="ignore"):
             terms = 0.5 * self.unseen.count * np.log(self.unseen.square)
         return float(np.sum(terms[seen & (self.unseen.count > 0)]))
+
+
+def by_chance(unknowns: int, samples: float, tried: int) -> float:
+    """Gain of the log likelihood that the best of `tried` prototypes reaches by chance."""
+    return float(0.5 * unknowns * np.log(samples) + np.log(tried))
 
 
 def _log_ratio(square: Array, other: Array) -> Array:

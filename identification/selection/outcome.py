@@ -1,14 +1,33 @@
-"""Result of a search: accepted effects, alternatives and examined candidates."""
+"""Result of a search: accepted effects, alternatives and examined candidates.
+
+A posterior model probability compares models of which one is true.  If the final model leaves a
+discrepancy above the noise, none of them is, and an effect may only be a surrogate: a term outside
+the catalogue may cause both what the effect explains and what remains.  Such a term is worth a
+curve, so the runs contain as many independent observations of a discrepancy as a curve has
+coefficients, however many samples they have.  The odds of the effect against this term are
+therefore those of the Schwarz criterion with that number as sample size: the effect has to reduce
+the discrepancy far more than the best of all prototypes would by chance.
+
+Source: Kennedy and O'Hagan, J. Royal Statistical Society B 63 (2001), 425-464 (discrepancy of a
+model); Berger, Bayarri and Pericchi, Econometric Reviews 33 (2014), 197-217 (effective sample size
+in the Schwarz criterion).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+from scipy.special import expit
+
+from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
-from identification.selection.evidence import AcceptanceCriteria
+from identification.selection.evidence import AcceptanceCriteria, by_chance
 from identification.selection.omitted import OmittedTerm
+from identification.selection.policy import DEFAULT
 from identification.selection.tracing import Trace
+from identification.surrogates.curve import HEIGHTS
 
 __all__ = ["Alternative", "Found", "Outcome", "Searched"]
 
@@ -39,6 +58,38 @@ class Found:
     """Acceptance criteria against the model without the effect."""
     alternatives: tuple[Alternative, ...]
     """Other effect types in its place, the most probable first."""
+    outside: float = 0.0
+    """Probability that a term outside the catalogue causes what the effect explains [-]."""
+
+    @property
+    def others(self) -> list[tuple[str, float]]:
+        """Names and probabilities of other causes of what the effect explains, best first."""
+        found = {other.name: other.probability for other in self.alternatives}
+        if self.outside > DEFAULT.reported_probability:
+            found["unlisted"] = found.get("unlisted", 0.0) + self.outside
+        return sorted(found.items(), key=lambda item: -item[1])
+
+    def given(self, ratios: Array) -> Found:
+        """The effect with its probabilities given what the final model leaves unexplained.
+
+        Args:
+            ratios: (n_channel,) RMS error of the final model over the largest that noise explains.
+        """
+        criteria, seen = self.criteria, self.criteria.validation
+        fall = criteria.training if seen is None or criteria.local else seen
+        after = float(np.sum(np.maximum(ratios**2 - 1.0, 0.0)))
+        if self.name == "unlisted" or not after > 0.0:
+            return self
+        # The fall is the sum over both channels of the logarithm of the RMS error.
+        before = float(np.sum(np.maximum(ratios**2 * np.exp(min(fall, 100.0)) - 1.0, 0.0)))
+        gain = 0.5 * HEIGHTS * np.log(max(before, 1e-300) / after)
+        chance = by_chance(criteria.unknowns, HEIGHTS, criteria.tried)
+        share = float(expit(gain - chance))
+        alternatives = tuple(
+            replace(other, probability=share * other.probability) for other in self.alternatives
+        )
+        kept = share * self.probability
+        return replace(self, probability=kept, alternatives=alternatives, outside=1.0 - share)
 
 
 @dataclass(frozen=True)
@@ -80,3 +131,11 @@ class Outcome:
     """Terms outside the final model with a predicted gain above chance."""
     smooth: MotorModel | None = None
     """The final model with the friction of the search, if that of `fit` is sharper."""
+
+    def given(self, ratios: Array) -> Outcome:
+        """The outcome with the probabilities of its effects given what remains; see `Found.given`.
+
+        Args:
+            ratios: (n_channel,) RMS error of the final model over the largest that noise explains.
+        """
+        return replace(self, effects=tuple(found.given(ratios) for found in self.effects))

@@ -1,0 +1,60 @@
+"""Probability of effects in a final model that leaves more than noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from identification.fit.solve import Fit
+from identification.selection.evidence import AcceptanceCriteria
+from identification.selection.outcome import Alternative, Found
+
+CRITERIA = AcceptanceCriteria(640.0, 28.0, 1.9, 1.9, 2.0, 600.0, False, unknowns=3, tried=400)
+OTHER = Alternative("brush_drop", 0.1, cast(Fit, None), 1.0)
+HEATING = Found("self_heating", 0.9, CRITERIA, (OTHER,))
+"""Self-heating that lowers both errors to e^-0.95, that is 39 %."""
+
+
+def test_effects_of_a_model_at_the_noise_keep_their_probabilities() -> None:
+    """The noise explains both errors; only the compared models matter."""
+    assert HEATING.given(np.array([1.0, 0.9])) == HEATING
+
+
+def test_heating_that_leaves_ten_times_the_noise_may_be_a_term_outside_the_catalogue() -> None:
+    """It halves the discrepancy, as the best of 400 prototypes may do by chance."""
+    found = HEATING.given(np.array([10.0, 2.0]))
+
+    assert 0.1 < found.probability < 0.5
+    assert found.others[0][0] == "unlisted"
+    assert found.probability + sum(share for _, share in found.others) == pytest.approx(1.0)
+
+
+def test_an_effect_that_explains_nearly_all_keeps_its_name_beside_a_small_discrepancy() -> None:
+    """The error was 40 times the noise and is 1.5 times the noise."""
+    criteria = replace(CRITERIA, validation=2 * np.log(40.0 / 1.5))
+
+    found = replace(HEATING, criteria=criteria).given(np.array([1.5, 1.5]))
+
+    assert found.probability > 0.999 * HEATING.probability
+
+
+def test_a_name_is_the_less_probable_the_more_remains() -> None:
+    """The error before is 20 times the noise."""
+    shares = []
+    for after in (1.2, 2.0, 5.0, 10.0, 15.0, 19.0):
+        criteria = replace(CRITERIA, validation=2 * np.log(20.0 / after))
+        one = replace(HEATING, criteria=criteria)
+        shares.append(one.given(np.array([after, after])).probability)
+
+    assert shares == sorted(shares, reverse=True)
+    assert shares[-1] < 0.01
+
+
+def test_a_curve_claims_no_name_that_could_be_wrong() -> None:
+    """`unlisted` is the alternative itself."""
+    curve = replace(HEATING, name="unlisted")
+
+    assert curve.given(np.array([10.0, 2.0])) == curve
