@@ -46,6 +46,13 @@ def early_stop_warnings(
         )
         fix = _remedy(effort, limit)
         warnings.append(ResultWarning("search_incomplete", "warning", message, *fix))
+    if outcome is not None and not outcome.is_scored:
+        message = (
+            "no further term could be scored: with each of them the simulation diverges or the "
+            "normal equations are not finite; effects may be missing"
+        )
+        remedy = "check the units and the sample interval of the runs, or sample faster"
+        warnings.append(ResultWarning("search_incomplete", "warning", message, remedy))
     if sample is not None and not sample.convergence.reached:
         warnings.append(_unconverged(sample, effort, limit))
     return warnings

@@ -170,7 +170,8 @@ def _outcome(state: State, nominal: EvaluatedModel, is_part: bool, is_complete: 
     traces = traced(trials.curves(nominal)) if effects else ()
     fit = with_known_amplitudes(state.current.fit if is_part else trials.final(state.current))
     omitted = trials.omitted(state.current)
-    return Outcome(fit, effects, tuple(state.searched), is_complete, traces, omitted)
+    is_scored = bool(trials.scores(state.current) or trials.curves(state.current))
+    return Outcome(fit, effects, tuple(state.searched), is_complete, traces, omitted, is_scored)
 
 
 def _restart(state: State) -> None:

@@ -8,6 +8,8 @@ from bench import EffectRequest, Noise, make_campaign
 from identification.effects.cogging import CoggingTorque
 from identification.effects.effect import effects_of
 from identification.fit.declared import fit_declared
+from identification.result.early_stop import early_stop_warnings
+from identification.selection import trials
 from identification.selection.outcome import Outcome
 from identification.selection.policy import SelectionPolicy
 from identification.selection.search import search
@@ -55,6 +57,20 @@ def test_a_withheld_kind_is_no_candidate() -> None:
     tried = {one.name for one in outcome.searched} | {one.name for one in outcome.effects}
     assert "coulomb_friction" not in tried
     assert "stribeck_friction" in tried
+
+
+def test_a_search_in_which_no_score_is_finite_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dry friction is hidden; a simulation that diverges with every further term hides it too."""
+    monkeypatch.setattr(trials, "screened", lambda *_: [])
+    monkeypatch.setattr(trials, "missing_curves", lambda *_: [])
+
+    outcome = _outcome("servo_150w", ["coulomb_friction"], seed=12)
+
+    assert not outcome.effects
+    assert not outcome.is_scored
+    (warning,) = early_stop_warnings(outcome.fit, outcome, None, "normal", None)
+    assert warning.code == "search_incomplete"
+    assert "no further term could be scored" in warning.message
 
 
 def test_a_search_that_stops_before_a_round_is_not_complete() -> None:
