@@ -13,6 +13,7 @@ from benchmarks.calibration.__main__ import main
 from benchmarks.calibration.campaign import metric_draws, rank
 from benchmarks.calibration.plan import KINDS, NOISES, item_of
 from benchmarks.calibration.statistics import coverage, uniformity
+from benchmarks.calibration.withheld import both_measured, comparison
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.noise import effective_fraction, with_noise_model
@@ -37,6 +38,29 @@ def test_an_omitted_effect_is_never_available_to_the_search() -> None:
         assert item.withheld in ((), hidden)
         assert item.withheld == () or item.kind == "omitted"
         assert (hidden == ()) is (item.kind == "clean")
+
+
+def test_a_pair_of_fits_gives_the_ratio_of_their_widths_and_marks_a_missed_value() -> None:
+    """Widths 0.4 and 0.1; J is wrong by 0.2, four half widths, and its rank is beyond 0.95."""
+    without = {name: [0.5, 0.0, 0.1, True, 0.4] for name in NAMES}
+    without["J"] = [0.99, 2.0, 0.1, True, 0.4]
+    known = {name: [0.5, 0.0, 0.1, True, 0.1] for name in NAMES}
+    line = {
+        "number": 2, "noise": "spiky", "rows": 700, "hidden": ["brush_drop", "knee"],
+        "named": [], "seconds": 5.0, "parameters": without,
+        "allowed": {"named": ["brush_drop"], "seconds": 4.0, "parameters": known},
+    }  # fmt: skip
+
+    text = comparison([line], "command", "machine")
+
+    assert "| `J` | 0 % | 100 % | 1 of 1 | 1 of 1 | 4.00 | 4.00 | 1 of 1 | 1 |" in text
+    assert "| all | 75 % | 100 % | 4 of 4 | 4 of 4 | 4.00 | 4.00 | 4 of 4 | 1 |" in text
+    assert "| nothing | brush_drop | 4.00, 4.00, 4.00*, 4.00 |" in text
+
+
+def test_a_campaign_that_withholds_nothing_has_no_pair_of_fits() -> None:
+    """Clean motors and effects that the catalogue lacks have no complete model to compare with."""
+    assert both_measured(item_of(0)) is None
 
 
 def test_ranks_are_uniform_exactly_if_the_draws_have_the_spread_of_the_truth() -> None:

@@ -122,7 +122,7 @@ def metric_draws(values: Mapping[str, ArrayLike], temperature: float) -> dict[st
 def _parameters(
     found: Identification, truth: Mapping[str, float]
 ) -> Iterator[tuple[str, list[Any]]]:
-    """Of each parameter: rank, deviation [sd], relative sd, and whether it is identified."""
+    """Of each parameter: rank, deviation [sd], relative sd, identified, relative 90 % width."""
     draws = found.draws()
     for name, value in truth.items():
         entry = found.result["parameters"][name]
@@ -130,7 +130,7 @@ def _parameters(
         width = entry["sd"] / abs(value)
         yield name, [
             rank(draws[name], value, 0), round(deviation, 3), float(f"{width:.3g}"),
-            entry["identified"],
+            entry["identified"], float(f"{(entry['q95'] - entry['q05']) / abs(value):.4g}"),
         ]  # fmt: skip
 
 
