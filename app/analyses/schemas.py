@@ -179,8 +179,8 @@ class DesignIn(Received):
     limits: dict[Annotated[str, StringConstraints(max_length=20)], float] = Field(
         default={}, max_length=_MOST
     )
-    """Largest `voltage` [V], `current` [A], `speed` [rad/s], `slew` [V/s] and `position` [rad]; by
-    default voltage, current and speed of the earlier runs."""
+    """Largest `voltage` [V], `current` [A], `speed` [rad/s], `slew` [V/s], `position` [rad] and
+    `load` [N m]; by default voltage, current and speed of the earlier runs, and no load."""
     duration: float | None = None
     """Duration [s]."""
     rate: float | None = None
@@ -207,7 +207,7 @@ class DesignOut(Documented):
     design: Mapping[str, Any]
     """Expected gain, as `motorid design` writes it to FILE.json."""
     table: str
-    """Samples as CSV: `time_s,voltage_V,temperature_degC`, a row for each sample."""
+    """Samples as CSV: `time_s,voltage_V,temperature_degC`, and `load_Nm` if a load is allowed."""
 
     @classmethod
     def of(cls, design: Design) -> DesignOut:

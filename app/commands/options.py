@@ -106,8 +106,9 @@ DesignLimits = Annotated[
     typer.Option(
         "--limit",
         metavar="NAME=VALUE...",
-        help="Largest voltage [V], current [A], speed [rad/s], slew [V/s], position [rad].  "
-        "[default: largest voltage, current and speed of the earlier runs]",
+        help="Largest voltage [V], current [A], speed [rad/s], slew [V/s], position [rad], "
+        "and load torque [N m] of the bench.  "
+        "[default: largest voltage, current and speed of the earlier runs, no load]",
     ),
 ]
 Duration = Annotated[

@@ -22,6 +22,7 @@ UNITS: Final = {
     "speed": "rad/s",
     "slew": "V/s",
     "position": "rad",
+    "load": "N m",
 }
 _ROUNDS: Final = 10
 _MARGIN: Final = 0.98
@@ -41,10 +42,13 @@ class Limits:
     """Rate of change of the voltage [V/s]."""
     position: float = math.inf
     """Distance of the shaft from its angle at the start [rad]."""
+    load: float = 0.0
+    """Constant torque that the bench can put on the shaft, in either direction; zero without a
+    brake or drive [N m]."""
 
     def entry(self) -> dict[str, float | None]:
-        """The limits by name; null without a limit."""
-        return {k: v if math.isfinite(v) else None for k, v in asdict(self).items()}
+        """The limits by name; null without a limit, or without a load."""
+        return {k: v if 0.0 < v < math.inf else None for k, v in asdict(self).items()}
 
 
 def limits_of(words: Sequence[str]) -> dict[str, float]:
@@ -100,18 +104,19 @@ def peaks(
     draws: Sequence[Array],
     voltage: Array,
     temperatures: Sequence[float],
+    load: float = 0.0,
 ) -> Mapping[str, float]:
     """Largest current, speed and distance of the shaft in any draw of any model.
 
     The draws are physical values (n_parameter, n_draw), the voltage is (n_sample,) [V]; the
-    temperatures [degC] are those that the run can have.
+    temperatures [degC] are those that the run can have, the load is a torque [N m].
     """
     found = {"current": 0.0, "speed": 0.0, "position": 0.0}
     for predictor, values in zip(predictors, draws, strict=True):
         for temperature in temperatures:
-            states = predictor.states(voltage, temperature, values)
+            states = predictor.states(voltage, temperature, values, load)
             speed = states[:, 1, :]
-            angle = predictor.interval * np.cumsum(speed, axis=0)
+            angle = predictor.conditions.interval * np.cumsum(speed, axis=0)
             for name, signal in (
                 ("current", states[:, 0, :]), ("speed", speed), ("position", angle)
             ):  # fmt: skip
@@ -125,16 +130,17 @@ def within(
     shape: Array,
     temperature: float,
     limits: Limits,
+    load: float = 0.0,
 ) -> Array | None:
     """Voltage (n_sample,) [V] at which all draws of all models hold the limits; None if none does.
 
     The shape (n_sample,) is scaled; the draws are physical values (n_parameter, n_draw), the
-    temperature is in degC.
+    temperature is in degC, the load a torque [N m].
     """
     amplitude, allowed = limits.voltage, asdict(limits)
     for _ in range(_ROUNDS):
-        voltage = slew_limited(amplitude * shape, limits.slew * predictors[0].interval)
-        found = peaks(predictors, draws, voltage, [temperature])
+        voltage = slew_limited(amplitude * shape, limits.slew * predictors[0].conditions.interval)
+        found = peaks(predictors, draws, voltage, [temperature], load)
         excess = max(value / allowed[name] for name, value in found.items())
         if excess <= 1.0:
             return voltage

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -104,11 +104,7 @@ def models_of(result: Mapping[str, Any]) -> list[DesignModel]:
             f"the member 'models' of the result is incomplete ({error}); {_REMEDY}"
         ) from error
     total = sum(model.probability for model in found)
-    return [_with_probability(model, model.probability / total) for model in found]
-
-
-def _with_probability(model: DesignModel, probability: float) -> DesignModel:
-    return DesignModel(**{**vars(model), "probability": probability})
+    return [replace(model, probability=model.probability / total) for model in found]
 
 
 def _model(entry: Mapping[str, Any]) -> DesignModel:

@@ -10,6 +10,7 @@ import numpy as np
 from identification.design.limits import UNITS
 from identification.design.propose import Proposal
 from identification.design.quantity import Quantity, parameter_quantity
+from identification.design.response import load_shape
 from identification.result.entries import finite_or_null
 
 __all__ = ["profile_csv", "proposal_entry", "summary"]
@@ -20,14 +21,22 @@ _LEAST_WRONG: Final = 1e-6
 
 
 def profile_csv(proposal: Proposal) -> str:
-    """Columns ``time_s,voltage_V,temperature_degC``, one row a sample; ends at zero voltage."""
-    best, interval = proposal.best, proposal.task.interval
+    """Columns ``time_s,voltage_V,temperature_degC``, one row a sample; ends at zero voltage.
+
+    A bench with a load has the column ``load_Nm`` too.
+    """
+    task, best, interval = proposal.task, proposal.best, proposal.task.interval
     digits = max(_DECIMALS, 3 - math.floor(math.log10(interval)))
     rows = [
         f"{k * interval:.{digits}f},{value:.{_DECIMALS}f},{best.temperature:g}"
         for k, value in enumerate(best.voltage + 0.0)
     ]
-    return "\n".join(["time_s,voltage_V,temperature_degC", *rows]) + "\n"
+    header = "time_s,voltage_V,temperature_degC"
+    if task.limits.load:
+        header += ",load_Nm"
+        loads = best.load * load_shape(task.rows)
+        rows = [f"{row},{load:.6g}" for row, load in zip(rows, loads, strict=True)]
+    return "\n".join([header, *rows]) + "\n"
 
 
 def proposal_entry(proposal: Proposal) -> dict[str, Any]:
@@ -40,6 +49,7 @@ def proposal_entry(proposal: Proposal) -> dict[str, Any]:
         "sample_rate_hz": 1.0 / task.interval,
         "duration_s": task.duration,
         "temperature_degC": best.temperature,
+        "load_Nm": best.load,
         "score_by_temperature": [
             {"temperature_degC": temperature, "score_bits": score}
             for temperature, score in proposal.by_temperature.items()
@@ -83,6 +93,11 @@ def summary(proposal: Proposal) -> list[str]:
         f"current stays below {peaks['current']:.4g} A and the speed below "
         f"{peaks['speed']:.4g} rad/s.",
     ]
+    if best.load:
+        sentences.append(
+            f"Load the shaft with {best.load:.4g} N m against positive speed between the two "
+            "pauses; the fit finds the load by itself."
+        )
     if proposal.separation is not None:
         sentences.append(_separation_sentence(proposal))
     quantity = task.quantity

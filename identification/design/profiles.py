@@ -16,7 +16,7 @@ import numpy as np
 
 from identification.arrays import Array
 
-__all__ = ["Profile", "library", "multisine", "prbs", "random_levels"]
+__all__ = ["Profile", "library", "multisine", "pauses", "prbs", "random_levels"]
 
 _PAUSES: Final = (0.02, 0.06)
 """Standstill at zero voltage before and after a profile, as fractions of the run [-]."""
@@ -38,7 +38,7 @@ class Profile:
 
     def sampled(self, rows: int) -> Array:
         """The profile between two pauses, (rows,) [-]; the last sample is zero."""
-        before, after = (max(1, round(part * rows)) for part in _PAUSES)
+        before, after = pauses(rows)
         inner = rows - before - after
         edges = np.concatenate([[0.0], np.cumsum(self.lengths)]) / np.sum(self.lengths)
         place = (np.arange(inner) + 0.5) / inner
@@ -61,6 +61,12 @@ class Profile:
     def scaled(self, factor: float) -> Profile:
         """The profile with all levels multiplied by a factor."""
         return Profile(self.label, self.lengths, factor * self.starts, factor * self.ends)
+
+
+def pauses(rows: int) -> tuple[int, int]:
+    """Samples at zero voltage and without load at the start and at the end of a run."""
+    before, after = (max(1, round(part * rows)) for part in _PAUSES)
+    return before, after
 
 
 def library(

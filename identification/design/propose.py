@@ -3,7 +3,8 @@
     1  score a library of profiles at the first temperature
     2  score the best ones at the other temperatures, at half amplitude and in pairs
     3  exchange levels and lengths of the best one, one segment at a time (coordinate exchange)
-    4  scale the best one until every draw of every model holds the limits
+    4  repeat this from the best one under a load, if the bench has one
+    5  scale the best one until every draw of every model holds the limits
 
 A profile is scaled to the limits before it is scored.  The number of candidates is counted, so the
 result does not depend on the speed of the machine.
@@ -27,7 +28,7 @@ from identification.design.criteria import Separation, information_bits, narrowe
 from identification.design.limits import peaks, within
 from identification.design.models import time_constants
 from identification.design.profiles import Profile, library
-from identification.design.response import Predictor, Response
+from identification.design.response import Conditions, Predictor, Response
 from identification.design.task import Task
 from identification.errors import ComputationError
 
@@ -56,6 +57,8 @@ class Candidate:
     """(n_sample,) [V]."""
     temperature: float
     """Temperature [degC]."""
+    load: float
+    """Load torque between the pauses of the profile [N m]."""
     responses: tuple[Response, ...]
     """Readings of each model."""
     score: float
@@ -93,15 +96,15 @@ class Designer:
     def predictors(self) -> tuple[Predictor, ...]:
         """Simulation with each model."""
         task = self.task
+        conditions = Conditions(
+            task.interval, task.noise, task.earlier, task.hottest, task.limits.load
+        )
         period = max(2, round(task.rows / 10))
         square = np.where(np.arange(task.rows) // period % 2 == 0, 1.0, -1.0)
         return tuple(
-            Predictor.prepared(
-                model, task.limits.voltage * square, task.interval, task.noise,
-                task.earlier, task.hottest
-            )
+            Predictor.prepared(model, task.limits.voltage * square, conditions)
             for model in task.models
-        )  # fmt: skip
+        )
 
     def draws(self, count: int) -> list[Array]:
         """Draws of the parameters of each model, (n_parameter, count)."""
@@ -111,16 +114,20 @@ class Designer:
     def _few(self) -> list[Array]:
         return self.draws(_SEARCH_DRAWS)
 
-    def candidate(self, profile: Profile, temperature: float) -> Candidate | None:
+    def candidate(
+        self, profile: Profile, temperature: float, load: float = 0.0
+    ) -> Candidate | None:
         """The profile within the limits with its score; None if no amplitude holds them."""
         shape = profile.sampled(self.task.rows)
         limits = self.task.limits
-        voltage = within(self.predictors, self._few, shape, temperature, limits)
-        return None if voltage is None else self.scored(profile, voltage, temperature)
+        voltage = within(self.predictors, self._few, shape, temperature, limits, load)
+        return None if voltage is None else self.scored(profile, voltage, temperature, load)
 
-    def scored(self, profile: Profile, voltage: Array, temperature: float) -> Candidate | None:
+    def scored(
+        self, profile: Profile, voltage: Array, temperature: float, load: float = 0.0
+    ) -> Candidate | None:
         """A run, its voltage (n_sample,) [V], with its score; None if a model diverges."""
-        responses = tuple(p.response(voltage, temperature) for p in self.predictors)
+        responses = tuple(p.response(voltage, temperature, load) for p in self.predictors)
         if not all(
             np.isfinite(one.mean).all() and np.isfinite(one.sensitivity).all() for one in responses
         ):
@@ -128,7 +135,7 @@ class Designer:
         score = self._narrowing(responses)
         if self.task.are_rivals:
             score += min(self.separated(responses).closeness, _SEPARATED)
-        return Candidate(profile, voltage, temperature, responses, score)
+        return Candidate(profile, voltage, temperature, load, responses, score)
 
     def separated(self, responses: tuple[Response, ...]) -> Separation:
         """Expected separation of the models by a run."""
@@ -170,6 +177,13 @@ def propose(task: Task) -> Proposal:
             "or position"
         )
     best = _exchanged(designer, found[0], rng)
+    loaded = _ranked(
+        designer.candidate(one.profile, one.temperature, load)
+        for load in task.loads
+        for one in (best, *found[:5])
+    )
+    if loaded:
+        best = max(best, _exchanged(designer, loaded[0], rng), key=lambda one: one.score)
     by_temperature = {
         temperature: max((c.score for c in found if c.temperature == temperature), default=-np.inf)
         for temperature in task.temperatures
@@ -182,9 +196,13 @@ def _proposal(designer: Designer, best: Candidate, by_temperature: dict[float, f
     task = designer.task
     many = designer.draws(_CHECK_DRAWS)
     predictors, limits = designer.predictors, task.limits
-    shape = best.voltage / limits.voltage
-    voltage = within(predictors, many, shape, best.temperature, limits)
-    final = None if voltage is None else designer.scored(best.profile, voltage, best.temperature)
+    shape, final = best.voltage / limits.voltage, None
+    # The voltage cannot undo a load that drives the motor beyond a limit.
+    for load in dict.fromkeys(share * best.load for share in (1.0, 0.5, 0.0)):
+        voltage = within(predictors, many, shape, best.temperature, limits, load)
+        if voltage is not None:
+            final = designer.scored(best.profile, voltage, best.temperature, load)
+            break
     if final is None:
         raise ComputationError(
             "the designed run does not hold the limits in every draw of the parameters; raise a "
@@ -194,7 +212,7 @@ def _proposal(designer: Designer, best: Candidate, by_temperature: dict[float, f
     return Proposal(
         task=task,
         best=final,
-        peaks=dict(peaks(predictors, many, final.voltage, [final.temperature])),
+        peaks=dict(peaks(predictors, many, final.voltage, [final.temperature], final.load)),
         separation=designer.separated(final.responses) if task.are_rivals else None,
         bits=tuple(
             information_bits(one.covariance, response.information)
@@ -236,7 +254,7 @@ def _exchanged(designer: Designer, best: Candidate, rng: np.random.Generator) ->
             if left == 0:
                 return best
             left -= 1
-            one = designer.candidate(changed, best.temperature)
+            one = designer.candidate(changed, best.temperature, best.load)
             if one is not None and one.score > best.score:
                 best = one
     return best

@@ -3,6 +3,9 @@
 The run starts at rest.  Parameters and initial state are unknown within their covariance, so the
 readings of a model are normal with the covariance 1 + G C G' in units of the noise, where G holds
 the sensitivities (linearisation at the estimate).
+
+A load acts between the pauses of the profile, with the law of the effect `load_step`.  A fit does
+not read it, so its torque and its times are unknown too.
 """
 
 from __future__ import annotations
@@ -15,15 +18,20 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.design.models import DesignModel
+from identification.design.profiles import pauses
+from identification.effects.load import LoadStep
 from identification.fit.normal_equations import state_precision
 from identification.ingest.run import Run
+from identification.model.composite import MotorModel
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
 from identification.model.substeps import evenly
 from identification.model.tangent import tangent
 
-__all__ = ["Predictor", "Response"]
+__all__ = ["Conditions", "Predictor", "Response", "load_shape"]
 
+_EDGE: Final = 2.0
+"""Width of an edge of the load, as `load_step` has it [sample]."""
 _MOST_SUBSTEPS: Final = 8
 
 
@@ -34,18 +42,53 @@ class Response:
     mean: Array
     """(n,) readings of both channels."""
     sensitivity: Array
-    """(n, n_parameter + n_state) derivatives by coordinates and initial states."""
+    """(n, n_parameter + n_other) derivatives by coordinates, load and initial states."""
     covariance: Array
-    """(n_parameter + n_state, n_parameter + n_state) before the run."""
+    """(n_parameter + n_other, n_parameter + n_other) before the run."""
     count: int
     """Number of parameters."""
 
     @cached_property
     def information(self) -> Array:
-        """(n_parameter, n_parameter) Fisher information with the initial states eliminated."""
+        """(n_parameter, n_parameter) Fisher information with load and initial states eliminated."""
         n, full = self.count, self.sensitivity.T @ self.sensitivity
         states = full[n:, n:] + np.linalg.inv(self.covariance[n:, n:])
         return np.asarray(full[:n, :n] - full[:n, n:] @ np.linalg.solve(states, full[n:, :n]))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions that all candidate runs share."""
+
+    interval: float
+    """Sample interval [s]."""
+    noise: Array
+    """(2,) standard deviations of current and speed [A, rad/s]."""
+    earlier: int = 0
+    """Number of runs recorded before."""
+    hottest: float = -np.inf
+    """Highest temperature of these runs [degC]."""
+    load: float = 0.0
+    """Largest load torque; zero if the bench has none [N m]."""
+
+    def record(self, voltage: Array, temperature: float, readings: Array) -> Record:
+        """Record of a candidate run.
+
+        Args:
+            voltage: (n_sample,) [V].
+            temperature: Temperature of the run [degC].
+            readings: (n_sample, 2) current and speed [A, rad/s].
+        """
+        run = Run(
+            name="design",
+            sha256="",
+            time=self.interval * np.arange(voltage.size, dtype=np.float64),
+            voltage=voltage,
+            current=readings[:, 0],
+            speed=readings[:, 1],
+            temperature=np.full(voltage.size, temperature),
+        )
+        return records_of([run], self.earlier, self.hottest)[0]
 
 
 @dataclass(frozen=True)
@@ -53,109 +96,103 @@ class Predictor:
     """Simulation of candidate runs with one model."""
 
     model: DesignModel
-    """The model."""
-    interval: float
-    """Sample interval [s]."""
-    noise: Array
-    """(2,) standard deviations of current and speed [A, rad/s]."""
-    earlier: int
-    """Number of runs recorded before."""
-    hottest: float
-    """Highest temperature of these runs [degC]."""
+    """The model, without the load."""
+    conditions: Conditions
+    """Conditions of the runs."""
     simulator: Simulator
     """Simulator over a reference run, whose step plan and substeps are used."""
 
     @staticmethod
-    def prepared(
-        model: DesignModel,
-        reference: Array,
-        interval: float,
-        noise: Array,
-        earlier: int = 0,
-        hottest: float = -np.inf,
-    ) -> Predictor:
+    def prepared(model: DesignModel, reference: Array, conditions: Conditions) -> Predictor:
         """Predictor with a step plan that suits a reference voltage of the largest amplitude.
 
         Args:
             model: The model.
             reference: (n_sample,) voltage [V].
-            interval: Sample interval [s].
-            noise: (2,) standard deviations of current and speed [A, rad/s].
-            earlier: Number of runs recorded before.
-            hottest: Highest temperature of these runs [degC].
+            conditions: Conditions of the runs.
         """
-        zeros = np.zeros((reference.size, 2))
-        record = _record(reference, 25.0, interval, zeros, earlier, hottest)
-        simulator = Simulator.fitting(model.model, [record], model.draws(8, 0))
-        states = [initial_states(model.model, record)]
+        record = conditions.record(reference, 25.0, np.zeros((reference.size, 2)))
+        motor, load = model.model, conditions.load
+        if load > 0.0:
+            last = float(record.time[-1])
+            term = LoadStep(conditions.earlier, load, _EDGE * conditions.interval, last)
+            motor = motor.adding(term)
+        draws = _completed(motor, model.draws(8, 0), load, record.time)
+        simulator = Simulator.fitting(motor, [record], draws)
+        states = [initial_states(motor, record)]
         counts = 1
-        if model.model.terms:
-            fine = simulator.accurate(model.estimate, states, noise)
+        if motor.terms:
+            values = _completed(motor, model.estimate, load, record.time)
+            fine = simulator.accurate(values, states, conditions.noise)
             counts = 1 if fine.substeps is None else int(fine.substeps[0].max())
         substeps = evenly([reference.size], min(counts, _MOST_SUBSTEPS))
         simulator = replace(simulator, substeps=None if counts == 1 else substeps)
-        return Predictor(model, interval, noise, earlier, hottest, simulator)
+        return Predictor(model, conditions, simulator)
 
-    def states(self, voltage: Array, temperature: float, values: Array) -> Array:
+    def states(self, voltage: Array, temperature: float, values: Array, load: float = 0.0) -> Array:
         """Current and speed of the motor itself, (n_sample, 2, n_lane) [A, rad/s].
 
         The voltage is (n_sample,) [V], the temperature in degC, the values are physical,
-        (n_parameter, n_lane).
+        (n_parameter, n_lane), the load is a torque [N m].
         """
-        simulator = self._over(voltage, temperature)
-        start = initial_states(self.model.model, simulator.records[0])
-        return simulator.states(values, [start])[0][:, :2, :]
+        simulator = self._over(voltage, temperature, load)
+        start = initial_states(simulator.model, simulator.records[0])
+        return simulator.states(self._all(values, load), [start])[0][:, :2, :]
 
-    def response(self, voltage: Array, temperature: float) -> Response:
-        """Readings and sensitivities at the estimate, for (n_sample,) [V] and [degC]."""
-        one = self.model
-        simulator = self._over(voltage, temperature)
-        start = initial_states(one.model, simulator.records[0])
-        logged, slopes = tangent(simulator, one.estimate, [start], np.diag(one.slopes))
-        # The prior of the initial states is as wide as the signals, as in a fit of the run.
+    def response(self, voltage: Array, temperature: float, load: float = 0.0) -> Response:
+        """Readings and sensitivities at the estimate; (n_sample,) [V], [degC] and load [N m]."""
+        one, size = self.model, self.model.estimate.size
+        simulator = self._over(voltage, temperature, load)
         record = simulator.records[0]
+        start = initial_states(simulator.model, record)
+        values = self._all(one.estimate, load)
+        # Torque, start and stop of a load are unknown; without a load there is nothing to know.
+        duration = float(record.time[-1])
+        unknown = np.array([self.conditions.load, duration, duration] if load else [])
+        directions = np.eye(values.size, size + unknown.size)
+        directions[:size, :size] = np.diag(one.slopes)
+        logged, slopes = tangent(simulator, values, [start], directions)
+        # The prior of the initial states is as wide as the signals, as in a fit of the run.
         signals = replace(simulator, records=(replace(record, measured=logged[0]),))
-        size = one.estimate.size
-        covariance = np.zeros((size + simulator.n_state,) * 2)
+        spreads = [np.zeros(size), unknown**2, 1.0 / state_precision(signals, 0)]
+        covariance = np.diag(np.concatenate(spreads))
         covariance[:size, :size] = one.covariance
-        covariance[size:, size:] = np.diag(1.0 / state_precision(signals, 0))
-        weight = np.sqrt(one.fraction * record.weight) / self.noise
+        weight = np.sqrt(one.fraction * record.weight) / self.conditions.noise
         mean = (logged[0] * weight).ravel()
         sensitivity = (slopes[0] * weight[:, :, None]).reshape(mean.size, -1)
         return Response(mean, sensitivity, covariance, size)
 
-    def _over(self, voltage: Array, temperature: float) -> Simulator:
+    def _all(self, values: Array, load: float) -> Array:
+        """Values of the motor, completed by those of a load torque [N m]."""
+        simulator = self.simulator
+        return _completed(simulator.model, values, load, simulator.records[0].time)
+
+    def _over(self, voltage: Array, temperature: float, load: float) -> Simulator:
         """Simulator over a candidate run; the angle is that of the simulated shaft."""
         readings = np.zeros((voltage.size, 2))
         simulator = self._with(voltage, temperature, readings)
         if any("position" in term.drivers for term in self.model.model.terms):
-            start = initial_states(self.model.model, simulator.records[0])
-            values = self.model.estimate[:, None]
+            start = initial_states(simulator.model, simulator.records[0])
+            values = self._all(self.model.estimate, load)[:, None]
             readings = simulator.states(values, [start])[0][:, :2, 0]
             simulator = self._with(voltage, temperature, readings)
         return simulator
 
     def _with(self, voltage: Array, temperature: float, readings: Array) -> Simulator:
-        known = (voltage, temperature, self.interval, readings, self.earlier, self.hottest)
-        record = _record(*known).within(self.model.model.edges)
-        return replace(self.simulator, records=(record,))
+        record = self.conditions.record(voltage, temperature, readings)
+        return replace(self.simulator, records=(record.within(self.model.model.edges),))
 
 
-def _record(
-    voltage: Array,
-    temperature: float,
-    interval: float,
-    readings: Array,
-    earlier: int,
-    hottest: float,
-) -> Record:
-    run = Run(
-        name="design",
-        sha256="",
-        time=interval * np.arange(voltage.size, dtype=np.float64),
-        voltage=voltage,
-        current=readings[:, 0],
-        speed=readings[:, 1],
-        temperature=np.full(voltage.size, temperature),
-    )
-    return records_of([run], earlier, hottest)[0]
+def load_shape(rows: int) -> Array:
+    """Load over its level (rows,) [-], with the edges of `load_step`; zero at both ends."""
+    before, after = pauses(rows)
+    late = (np.arange(rows) - np.array([[before], [rows - after]])) / _EDGE
+    rise, fall = 0.5 * late / np.hypot(late, 1.0)
+    return np.asarray((rise - fall) * (np.arange(rows) % (rows - 1) > 0))
+
+
+def _completed(model: MotorModel, values: Array, load: float, time: Array) -> Array:
+    """Physical values (n_parameter, ...) of all terms of a model, from those without its load."""
+    before, after = pauses(time.size)
+    own = np.array([load, time[before], time[-after]])[: len(model.parameters) - values.shape[0]]
+    return np.concatenate([values, np.multiply.outer(own, np.ones(values.shape[1:]))])

@@ -96,6 +96,12 @@ class Task:
         """Duration of the run [s]."""
         return self.rows * self.interval
 
+    @property
+    def loads(self) -> tuple[float, ...]:
+        """Load torques to choose from, besides none [N m]."""
+        largest = self.limits.load
+        return tuple(share * largest for share in (-1.0, -0.5, 0.5, 1.0)) if largest else ()
+
 
 def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
     """Task from a result: separate the alternatives of its effects and narrow its parameters.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +23,13 @@ from identification.design import (
     task_of_nameplate,
     task_of_result,
 )
-from identification.design.criteria import information_bits
+from identification.design.criteria import information_bits, narrowed
 from identification.design.profiles import prbs
 from identification.design.propose import Designer
 from identification.effects.catalogue import CATALOGUE
 from identification.errors import InputError, OptionError
 from identification.ingest import read_run
-from tests.motors import campaign, motor_named, run_of, simulated
+from tests.motors import NAMES, campaign, motor_named, run_of, simulated
 
 Array = NDArray[np.float64]
 
@@ -59,13 +60,37 @@ def proposal(result: dict[str, Any]) -> Proposal:
 def played(voltage: Array, temperature: float, noise: dict[str, float]) -> Run:
     """The voltage on the true servo, with this noise."""
     clean = run_of(SERVO, voltage, np.full(voltage.size, temperature), np.zeros(2), name="n.csv")
+    return noisy(clean, noise)
+
+
+def noisy(clean: Run, noise: dict[str, float]) -> Run:
+    """The run with this noise."""
     rng = np.random.default_rng(8)
     return replace(
         clean,
         sha256="f" * 64,
-        current=clean.current + noise["current_A"] * rng.standard_normal(voltage.size),
-        speed=clean.speed + noise["speed_rad_s"] * rng.standard_normal(voltage.size),
+        current=clean.current + noise["current_A"] * rng.standard_normal(clean.rows),
+        speed=clean.speed + noise["speed_rad_s"] * rng.standard_normal(clean.rows),
     )
+
+
+def loaded(voltage: Array, load: Array) -> Run:
+    """The voltage on the true servo at 25 degC under a load that is constant in spans.
+
+    A load T acts as a voltage of -Ra T / Kt on a motor whose current is less by T / Kt.
+    """
+    warm = np.full(voltage.size, 25.0)
+    clean = run_of(SERVO, voltage, warm, np.zeros(2), name="n.csv")
+    value = dict(zip(NAMES, SERVO.vector, strict=True))
+    edges = [0, *(np.flatnonzero(np.diff(load)) + 1), load.size - 1]
+    for first, last in pairwise(edges):
+        shift = np.array([load[first] / value["Kt25"], 0.0])
+        start = np.array([clean.current[first], clean.speed[first]]) - shift
+        span = slice(first, last + 1)
+        felt = voltage[span] - value["Ra25"] * shift[0]
+        found = simulated(SERVO.vector, SERVO.interval, felt, warm[span], start) + shift
+        clean.current[span], clean.speed[span] = found.T
+    return clean
 
 
 def test_fit_with_the_proposed_run_reaches_the_expected_width(
@@ -157,6 +182,72 @@ def test_proposed_run_separates_effects_that_one_direction_cannot() -> None:
     assert best.separation is not None
     assert best.separation.least_bits > 0.99
     assert best.best.voltage.min() < 0.0 < best.best.voltage.max()
+
+
+def test_a_load_turns_the_motor_by_the_speed_that_its_friction_and_back_emf_balance(
+    result: dict[str, Any],
+) -> None:
+    """At zero voltage -T = (b + Kt^2 / Ra) w, and the current brakes with -Kt w / Ra."""
+    task = task_of_result(result, DesignOptions(limits=("load=0.02",), temperatures=(25.0,)))
+    designer = Designer(task)
+    value = dict(zip(task.models[0].names, task.models[0].estimate, strict=True))
+    slope = value["b"] + value["Kt25"] ** 2 / value["Ra25"]
+
+    (predictor,) = designer.predictors
+    still = np.zeros(task.rows)
+    states = predictor.states(still, 25.0, task.models[0].estimate[:, None], 0.02)[:, :, 0]
+
+    current, speed = states[task.rows // 2]
+    assert speed == pytest.approx(-0.02 / slope, rel=0.01)
+    assert current == pytest.approx(-value["Kt25"] * speed / value["Ra25"], rel=0.01)
+    assert np.abs(states[1]).max() < 0.01 * abs(speed)
+
+
+def test_fit_finds_the_load_of_a_run_and_reaches_the_expected_width(
+    runs: list[Run], result: dict[str, Any], proposal: Proposal
+) -> None:
+    """The load is in no column that the fit reads; it is named as `load_step`."""
+    options = DesignOptions(
+        limits=("load=0.05",), duration=400 * SERVO.interval, temperatures=(25.0,), narrow="Ra25"
+    )
+    task = task_of_result(result, options)
+    one = Designer(task).candidate(proposal.best.profile, 25.0, 0.05)
+    assert one is not None
+    assert task.quantity is not None
+    model = task.models[0]
+    expected = task.quantity.width(narrowed(model.covariance, one.responses[0].information))
+    rows = profile_csv(replace(proposal, task=task, best=one)).splitlines()
+    load = np.array([float(row.split(",")[3]) for row in rows[1:]])
+    new = noisy(loaded(one.voltage, load), result["noise"])
+
+    others = [kind for kind in CATALOGUE if kind != "load_step"]
+    after = identify([*runs, new], [], FitOptions(posterior=False), withheld=others).result
+
+    assert rows[0] == "time_s,voltage_V,temperature_degC,load_Nm"
+    assert load[0] == load[-1] == 0.0
+    assert load.max() == pytest.approx(0.05, rel=0.01)
+    assert [effect["name"] for effect in after["effects"]] == ["load_step"]
+    entry = after["parameters"]["Ra25"]
+    assert entry["q95"] - entry["q05"] == pytest.approx(expected, rel=0.15)
+
+
+def test_a_load_is_proposed_where_it_narrows_more_than_any_voltage() -> None:
+    """Dry friction and b are confounded unless the shaft turns at other speeds at equal voltage."""
+    settings: dict[str, Any] = {"seed": 3, "rows": 400, "training": 2, "validation": 0}
+    measured = make_campaign("servo_150w", [EffectRequest(PAIR[0])], **settings)
+    first = [recorded(run, f"t{k}.csv") for k, run in enumerate(measured.training)]
+    others = [kind for kind in CATALOGUE if kind not in PAIR]
+    known = identify(first, [], FitOptions(posterior=False), withheld=others).result
+    limit = f"load={measured.motor.rated_torque}"
+
+    alone, braked = (
+        propose(task_of_result(known, DesignOptions(limits, temperatures=(25.0,), narrow="b")))
+        for limits in ((), (limit,))
+    )
+
+    assert alone.best.load == 0.0
+    assert braked.best.load != 0.0
+    assert braked.best.score > alone.best.score
 
 
 def test_first_run_of_a_nameplate_stays_below_its_stall_current() -> None:

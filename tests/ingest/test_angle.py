@@ -14,8 +14,7 @@ from identification import errors
 from identification.checks.correction import factor, other_unit
 from identification.ingest import MappingLike, Run, read_run
 from identification.preview import examine
-from tests.ingest.samples import write
-from tests.ingest.test_warnings import motor
+from tests.ingest.samples import motor, write
 
 Array = NDArray[np.float64]
 
