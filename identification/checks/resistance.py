@@ -19,7 +19,7 @@ from typing import Final
 
 from identification.checks.finding import Finding
 
-__all__ = ["resistance_findings"]
+__all__ = ["is_refuted", "resistance_findings"]
 
 _COPPER: Final = 1.0 / 260.0
 """Temperature coefficient of copper at 25 degC [1/K]."""
@@ -27,6 +27,23 @@ _LIMITS: Final = (0.25 * _COPPER, 1.5 * _COPPER)
 """Smallest and largest plausible coefficient [1/K]."""
 _SPREADS: Final = 3.0
 """Standard deviations by which a coefficient has to exceed its limit."""
+
+
+def is_refuted(
+    finding: Finding,
+    values: Mapping[str, float],
+    deviations: Mapping[str, float],
+    trusted: Mapping[str, bool],
+) -> bool:
+    """Whether the fit contradicts the suspicion of a temperature in degrees Fahrenheit.
+
+    The suspicion follows from resistances on window means, which a delay of a channel biases; the
+    fit models the delay.  Copper on a Fahrenheit scale has a coefficient below its limit.
+    """
+    name = "alpha_Ra"
+    is_about_it = (finding.code, finding.column) == ("suspicious_unit", "temperature_degC")
+    least = values[name] - _SPREADS * deviations[name]
+    return is_about_it and trusted[name] and least > finding.limit
 
 
 def resistance_findings(

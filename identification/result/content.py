@@ -17,7 +17,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.checks.admission import Admission
 from identification.checks.finding import Finding
-from identification.checks.resistance import resistance_findings
+from identification.checks.resistance import is_refuted, resistance_findings
 from identification.checks.time_constants import time_constant_findings
 from identification.diagnosis.outliers import outlier_warnings
 from identification.effects.effect import effects_of
@@ -75,7 +75,7 @@ def assemble(findings: Findings) -> dict[str, object]:
     known = identified(declared, findings.fraction)
     before = _parameters(declared, findings.declared_draws, known, findings)
     after = _parameters(final, findings.draws, findings.known, findings)
-    implausible = _implausible(findings)
+    findings, implausible = _reconsidered(findings)
     missed = missed_channels(findings)
     doubtful = {name for one in implausible for name in _DOUBTFUL.get(one.code, ())}
     for name in after if missed else doubtful:
@@ -160,9 +160,10 @@ def _sampler(sample: Sample) -> dict[str, object]:
     }
 
 
-def _implausible(findings: Findings) -> list[Finding]:
-    """Implausible values among those that the runs determine and the user has not given.
+def _reconsidered(findings: Findings) -> tuple[Findings, list[Finding]]:
+    """Findings without a suspicion that the fit refutes, and implausible values of the fit.
 
+    Only values that the runs determine and the user has not given are considered.
     Effects confounded with a single parameter do not widen its uncertainty here: an inductance is
     reported as implausible even if a sensor lag may explain it.
     """
@@ -173,7 +174,11 @@ def _implausible(findings: Findings) -> list[Finding]:
     values = dict(zip(final.coordinates.names, map(float, final.values), strict=True))
     deviations = dict(zip(final.coordinates.names, map(float, final.deviations), strict=True))
     trusted = {name: known[name] and name not in given for name in DECLARED_PARAMETERS}
-    return [
+    admission = findings.admission
+    if admission is not None:
+        kept = [f for f in admission.findings if not is_refuted(f, values, deviations, trusted)]
+        findings = replace(findings, admission=replace(admission, findings=tuple(kept)))
+    return findings, [
         *time_constant_findings(values, trusted),
         *resistance_findings(values, deviations, trusted),
     ]

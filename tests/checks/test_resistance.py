@@ -2,7 +2,8 @@
 
 import pytest
 
-from identification.checks.resistance import resistance_findings
+from identification.checks.finding import Finding
+from identification.checks.resistance import is_refuted, resistance_findings
 
 TRUSTED = {"alpha_Ra": True}
 
@@ -26,3 +27,22 @@ def test_an_uncertain_or_given_coefficient_is_not_reported() -> None:
     """Runs at one temperature leave the coefficient open; a given one is the user's."""
     assert resistance_findings({"alpha_Ra": -5e-4}, {"alpha_Ra": 1e-3}, TRUSTED) == []
     assert resistance_findings({"alpha_Ra": -5e-4}, {"alpha_Ra": 1e-5}, {"alpha_Ra": False}) == []
+
+
+@pytest.mark.parametrize(
+    ("code", "alpha", "spread", "is_trusted", "expected"),
+    [
+        ("suspicious_unit", 0.0039, 1e-5, True, True),
+        ("suspicious_unit", 0.0039, 5e-4, True, False),
+        ("suspicious_unit", 0.0039, 1e-5, False, False),
+        ("suspicious_unit", 0.00245, 1e-5, True, False),
+        ("wrong_unit", 0.0039, 1e-5, True, False),
+    ],
+)
+def test_coefficient_of_copper_refutes_degrees_fahrenheit(
+    code: str, alpha: float, spread: float, is_trusted: bool, expected: bool
+) -> None:
+    """A reading of 25 degF is -3.9 degC: copper has 1 / (1.8 * (234.5 - 3.9)) = 0.0024 per degF."""
+    finding = Finding(code, "suspect", "", "temperature_degC", "", "alpha", 0.0023, 0.0029)
+    values, deviations = {"alpha_Ra": alpha}, {"alpha_Ra": spread}
+    assert is_refuted(finding, values, deviations, {"alpha_Ra": is_trusted}) is expected
