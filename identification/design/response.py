@@ -72,13 +72,7 @@ class Conditions:
     """Largest load torque; zero if the bench has none [N m]."""
 
     def record(self, voltage: Array, temperature: float, readings: Array) -> Record:
-        """Record of a candidate run.
-
-        Args:
-            voltage: (n_sample,) [V].
-            temperature: Temperature of the run [degC].
-            readings: (n_sample, 2) current and speed [A, rad/s].
-        """
+        """Record of a run with (n_sample,) [V], [degC] and (n_sample, 2) readings [A, rad/s]."""
         run = Run(
             name="design",
             sha256="",
@@ -104,13 +98,7 @@ class Predictor:
 
     @staticmethod
     def prepared(model: DesignModel, reference: Array, conditions: Conditions) -> Predictor:
-        """Predictor with a step plan that suits a reference voltage of the largest amplitude.
-
-        Args:
-            model: The model.
-            reference: (n_sample,) voltage [V].
-            conditions: Conditions of the runs.
-        """
+        """Predictor with a step plan for a reference voltage (n_sample,) of largest size [V]."""
         record = conditions.record(reference, 25.0, np.zeros((reference.size, 2)))
         motor, load = model.model, conditions.load
         if load > 0.0:
@@ -132,15 +120,15 @@ class Predictor:
     def states(self, voltage: Array, temperature: float, values: Array, load: float = 0.0) -> Array:
         """Current and speed of the motor itself, (n_sample, 2, n_lane) [A, rad/s].
 
-        The voltage is (n_sample,) [V], the temperature in degC, the values are physical,
-        (n_parameter, n_lane), the load is a torque [N m].
+        The voltage is (n_sample,) [V], the temperature in degC, the load a torque [N m]; the values
+        are physical, (n_parameter, n_lane).
         """
         simulator = self._over(voltage, temperature, load)
         start = initial_states(simulator.model, simulator.records[0])
         return simulator.states(self._all(values, load), [start])[0][:, :2, :]
 
     def response(self, voltage: Array, temperature: float, load: float = 0.0) -> Response:
-        """Readings and sensitivities at the estimate; (n_sample,) [V], [degC] and load [N m]."""
+        """Readings and sensitivities at the estimate, for (n_sample,) [V], [degC] and [N m]."""
         one, size = self.model, self.model.estimate.size
         simulator = self._over(voltage, temperature, load)
         record = simulator.records[0]
