@@ -83,7 +83,7 @@ class AcceptanceCriteria:
     flaw: str = ""
     """Why the fitted effect is implausible for its type; empty if it is plausible."""
     unknowns: int = 1
-    """Number of unknowns that the effect adds."""
+    """Number of unknowns that the effect adds, without those of single records."""
     tried: int = 1
     """Number of prototypes from which the effect was selected."""
     policy: SelectionPolicy = field(default=DEFAULT, repr=False)
@@ -177,14 +177,14 @@ class EvaluatedModel:
             tried: Number of prototypes from which the effect was selected.
             policy: Limits of the criteria.
         """
-        more = self.fit.position.size - simpler.fit.position.size
-        more += _lasting(self.fit) - _lasting(simpler.fit)
+        shared = self.fit.position.size - simpler.fit.position.size
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.fraction, 2.0)
         terms = effects_of(self.fit.simulator.model.terms)
         known = {term.name for term in simpler.fit.simulator.model.terms}
         added = [term for term in terms if term.name not in known]
-        more += sum(len(term.moments) for term in added)
+        shared += sum(len(term.moments) for term in added)
+        more = shared + _lasting(self.fit) - _lasting(simpler.fit)
         fall = np.full(2, np.inf)
         if np.isfinite(simpler.fit.cost):
             fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
@@ -206,7 +206,7 @@ class EvaluatedModel:
             local=bool(added) and all(term.is_local for term in added),
             # An extended variant has the type of the term it replaces, and can be implausible too.
             flaw=self._flaw([t for t in terms if t not in simpler.fit.simulator.model.terms]),
-            unknowns=max(more, 1),
+            unknowns=max(shared, 1),
             tried=max(tried, 1),
             policy=policy,
         )
