@@ -316,13 +316,11 @@ def _nominal(
     """Records, fit of the nominal model, and runs whose current was logged with another gain."""
     campaign = campaign_of(admission.training, admission.validation)
     declared = _declared(campaign, options)
-    smoothed = with_smooth_voltage(campaign, declared, options.hold)
-    if smoothed is not campaign:
-        campaign, declared = smoothed, _declared(smoothed, options)
+    campaign, declared = with_smooth_voltage(campaign, declared, options.hold)
     gains = current_gains(declared, campaign)
     if gains:
         campaign = with_one_gain(campaign, gains)
-        declared = _declared(campaign, options)
+        declared = fit_declared(campaign.training, declared.simulator.model.hold)
     return campaign, declared, gains
 
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
+
+import numpy as np
 
 from identification.arrays import Array
 from identification.fit.initial import fitted_initial_states, improved_initial_states
 from identification.fit.order_tracking import tracked
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_own_temperatures
-from identification.model.excitation import Record
+from identification.model.excitation import Record, squares_of
 from identification.model.simulate import Simulator
 
-__all__ = ["Simulated", "simulate_fitted", "simulate_unseen"]
+__all__ = ["Simulated", "simulate_fitted", "simulate_unseen", "voltage_noise_power"]
 
 _TRACKED: Final = 2
 """Alternations between the angles and the initial states, which depend on each other."""
@@ -72,6 +74,20 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
         Simulated(record, y[:, :, 0], initial)
         for record, y, initial in zip(simulator.records, logged, states, strict=True)
     ]
+
+
+def voltage_noise_power(fit: Fit) -> Array:
+    """Mean square noise of current and speed that noise of the voltage causes, (2,) [A^2, ...].
+
+    The noise is that which smoothing leaves in the voltage; zero for a voltage as logged.
+    """
+    records = fit.simulator.records
+    if all(record.voltage_noise is None for record in records):
+        return np.zeros(2)
+    noisy = tuple(record.with_voltage_noise() for record in records)
+    changed = replace(fit.simulator, records=noisy).logged(fit.values[:, None], fit.states)
+    changes = [a[:, :, 0] - b for a, b in zip(changed, fit.simulated(), strict=True)]
+    return squares_of(records, changes) / np.maximum(fit.weighting.counts, 1.0)
 
 
 def _tracked(

@@ -15,6 +15,7 @@ import numpy as np
 
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
+from identification.fit.evaluate import voltage_noise_power
 from identification.fit.solve import Fit
 from identification.model.composite import Hold
 from identification.model.excitation import Record, squares_of
@@ -26,6 +27,9 @@ __all__ = ["with_smooth_voltage"]
 _ODDS: Final = np.log(100.0)
 """Log likelihood ratio from which the smoothed voltage replaces the logged one; decisive evidence
 on the scale of Jeffreys."""
+_HOLD: Final = 0.02
+"""Fall of the simulation error, summed over both channels, from which a first-order hold replaces a
+zero-order hold, as for an effect (decision 0008); an effect that is missing may cause less [-]."""
 _LEAST: Final = 0.1
 """Least change of the simulation in standard deviations of the residual.  Noise that contributes
 less, one per cent of the variance, causes no bias worth a second fit."""
@@ -33,26 +37,34 @@ less, one per cent of the variance, causes no bias worth a second fit."""
 
 def with_smooth_voltage(
     campaign: Campaign, declared: Fit, hold: Hold | Literal["auto"]
-) -> Campaign:
+) -> tuple[Campaign, Fit]:
     """The campaign without the noise of its voltage, if that explains current and speed better.
+
+    A voltage with noise varies slowly, so that another hold looks like a delay of the voltage or a
+    filter of the current.  The hold of the nominal model is therefore decided here as well.
 
     Args:
         campaign: Training and validation records.
         declared: Fit of the nominal model to the training records.
         hold: Inter-sample behaviour of the voltage; ``auto`` for an unknown one.
+
+    Returns:
+        The campaign and the fit of the nominal model to it.
     """
     holds: Sequence[Hold] = ("zoh", "foh") if hold == "auto" else (hold,)
     smooth = [record.with_smooth_voltage() for record in campaign.training]
     if not _matters(declared, smooth):
-        return campaign
+        return campaign, declared
     fitted = declared.simulator.model.hold
     before = min(
         declared.cost if hold == fitted else fit_declared(campaign.training, hold).cost
         for hold in holds
     )
-    after = min(fit_declared(smooth, hold).cost for hold in holds)
-    if not before - after > _ODDS:
-        return campaign
+    fits = [fit_declared(smooth, hold) for hold in holds]
+    if not before - min(fit.cost for fit in fits) > _ODDS:
+        return campaign, declared
+    falls = np.log(fits[0].weighting.deviation / fits[-1].weighting.deviation)
+    after = fits[-1] if np.sum(falls) > _HOLD else fits[0]
     removed = [
         new.column("voltage") - old.column("voltage")
         for new, old in zip(smooth, campaign.training, strict=True)
@@ -62,13 +74,23 @@ def with_smooth_voltage(
         f"voltage_V has noise of {noise:.2g} V that current and speed do not follow; it was "
         "smoothed between its jumps, because noise of the voltage biases Ra25 and L"
     )
-    return replace(
+    smoothed = replace(
         campaign,
         training=tuple(smooth),
         validation=tuple(record.with_smooth_voltage() for record in campaign.validation),
         warnings=(*campaign.warnings, ResultWarning("smoothed_voltage", "note", message)),
         voltage="smoothed",
     )
+    if np.all(voltage_noise_power(after) < _LEAST**2 * after.weighting.deviation**2):
+        # Too little noise is left to favour any model.
+        quiet = tuple(replace(r, voltage_noise=None) for r in after.simulator.records)
+        smoothed = replace(
+            smoothed,
+            training=tuple(replace(r, voltage_noise=None) for r in smoothed.training),
+            validation=tuple(replace(r, voltage_noise=None) for r in smoothed.validation),
+        )
+        after = replace(after, simulator=replace(after.simulator, records=quiet))
+    return smoothed, after
 
 
 def _matters(declared: Fit, smooth: Sequence[Record]) -> bool:

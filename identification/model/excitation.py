@@ -57,6 +57,9 @@ class Record:
     """Quantisation step of the logged temperature, zero if noise dithers it [K]."""
     raw_angle: Array | None = None
     """(n_sample,) angle before `with_angle` corrected it; None if it did not [rad]."""
+    voltage_noise: Array | None = None
+    """(n_sample,) random series like the noise that is left in a smoothed voltage [V]; None if the
+    voltage is as logged."""
     duration: float = 0.0
     """Duration of the whole record, of which this may be a segment [s]."""
 
@@ -102,6 +105,7 @@ class Record:
             weight=self.weight[span],
             whole=None if self.whole is None else self.whole[span],
             raw_angle=None if self.raw_angle is None else self.raw_angle[span],
+            voltage_noise=None if self.voltage_noise is None else self.voltage_noise[span],
         )
 
     @property
@@ -111,8 +115,18 @@ class Record:
 
     def with_smooth_voltage(self) -> Record:
         """The record with the noise of its voltage removed."""
+        smooth, left = smooth_voltage(self.column("voltage"))
+        return replace(self._driven_by(smooth), voltage_noise=left)
+
+    def with_voltage_noise(self) -> Record:
+        """The record with as much noise added to its voltage as is left in it."""
+        if self.voltage_noise is None:
+            return self
+        return self._driven_by(self.column("voltage") + self.voltage_noise)
+
+    def _driven_by(self, voltage: Array) -> Record:
         inputs = self.inputs.copy()
-        for name, column in _voltage_columns(smooth_voltage(self.column("voltage"))).items():
+        for name, column in _voltage_columns(voltage).items():
             inputs[:, INPUTS.index(name)] = column
         return replace(self, inputs=inputs)
 

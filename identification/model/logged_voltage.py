@@ -31,32 +31,41 @@ _PASSES: Final = 3
 _STIFFNESSES: Final = 10.0 ** np.arange(-6, 9)
 
 
-def smooth_voltage(logged: Array) -> Array:
-    """Logged voltage (n_sample,) without white noise, by Whittaker smoothing between jumps [V].
+def smooth_voltage(logged: Array) -> tuple[Array, Array]:
+    """Logged voltage without white noise, by Whittaker smoothing between jumps, and its noise.
 
     Generalised cross-validation chooses one penalty for the whole series.  A voltage without noise
     is returned unchanged: all of its changes are jumps, or the smallest penalty is chosen.
 
+    Args:
+        logged: (n_sample,) [V].
+
+    Returns:
+        The smoothed voltage, and a random series with the distribution of the noise that the
+        smoother leaves in it, both (n_sample,) [V].
+
     Source: Eilers, Analytical Chemistry 75 (2003), 3631-3636.
     """
     if logged.size < 3:
-        return logged
+        return logged, np.zeros_like(logged)
     edges = _jumps(logged)
     kept = np.ones(logged.size - 2, dtype=bool)
     for jump in edges[1:-1]:
         kept[max(jump - 2, 0) : jump] = False
-    smooth = _cross_validated(logged, kept)
+    smooth, stiffness, size = _cross_validated(logged, kept)
     for _ in range(_PASSES):
         rough = _outlying(logged - smooth)
         again = kept & ~(rough[:-2] | rough[1:-1] | rough[2:])
         if np.array_equal(again, kept):
             break
-        kept, smooth = again, _cross_validated(logged, again)
-    return smooth
+        kept = again
+        smooth, stiffness, size = _cross_validated(logged, kept)
+    white = np.random.default_rng(logged.size).normal(0.0, size, logged.size)
+    return smooth, _whittaker(white, stiffness * kept)
 
 
-def _cross_validated(logged: Array, kept: NDArray[np.bool_]) -> Array:
-    """Smoothed series with the penalty of generalised cross-validation.
+def _cross_validated(logged: Array, kept: NDArray[np.bool_]) -> tuple[Array, float, float]:
+    """Smoothed series, the penalty of generalised cross-validation, and the size of the noise [V].
 
     Args:
         logged: (n_sample,) [V].
@@ -66,17 +75,18 @@ def _cross_validated(logged: Array, kept: NDArray[np.bool_]) -> Array:
     ends = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(int)))
     sizes, counts = np.unique(ends[1::2] - ends[::2] + 2, return_counts=True)
     alone = logged.size - float(sizes @ counts)
-    best, least = logged, np.inf
+    best, chosen, noise, least = logged, 0.0, 0.0, np.inf
     for stiffness in _STIFFNESSES:
         trial = _whittaker(logged, stiffness * kept)
         squares = float(np.sum((logged - trial) ** 2))
         fitted = alone + sum(
             n * _trace(size, stiffness) for size, n in zip(sizes, counts, strict=True)
         )
-        score = squares / max(logged.size - fitted, 1e-9) ** 2
-        if squares > 0.0 and score < least:
-            best, least = trial, score
-    return best
+        free = max(logged.size - fitted, 1e-9)
+        if squares > 0.0 and squares / free**2 < least:
+            best, chosen, least = trial, float(stiffness), squares / free**2
+            noise = float(np.sqrt(squares / free))
+    return best, chosen, noise
 
 
 def _outlying(removed: Array) -> NDArray[np.bool_]:

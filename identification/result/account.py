@@ -14,7 +14,7 @@ from identification.result.numbers import interval_text, listed, number_text
 from identification.result.report_data import CandidateRow, MissingTerm, MissingTrace, SearchAccount
 from identification.result.search import reason_of
 from identification.result.simulation_errors import UNEXPLAINED_CHANNEL
-from identification.selection.evidence import AcceptanceCriteria
+from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Found, Outcome
 from identification.surrogates.unlisted import LAWS
 

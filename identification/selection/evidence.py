@@ -1,56 +1,40 @@
-"""Acceptance criteria (significance, size, validation) and posterior model probabilities.
+"""Evaluated models, and their posterior probabilities.
 
-On long records the likelihood ratio is very large for every real effect, and also for small errors
-of another origin: a smoothed temperature, coloured noise.  An effect therefore has to meet three
-criteria.  None of them was tuned on a simulator.
-
-1. *Significance.* Twice the gain of the log likelihood has to exceed k log N (Schwarz) plus twice
-   the logarithm of the number of prototypes tried (union bound).  Gain and N are counted in
-   effective samples, to allow for autocorrelated residuals.  The time of an event counts as two
-   parameters, since it can be at any sample (Zhang and Siegmund).
-2. *Size.* The simulation error has to fall by at least 2 %, summed over the two channels.  Less
-   than 1 % per channel has no practical use, and other imperfections cause as much: an inexact law,
-   a smoothed temperature.
-3. *Validation.* The error of the validation runs has to fall by at least a quarter of its fall in
-   training, or of the fall that is certainly possible above the noise if that is smaller.  These
-   runs also have to prefer the effect by twenty to one.  An effect of a single run is exempt from
-   both; it may raise their error by at most a quarter of its fall in training.  The validation
-   noise level is only as certain as the kurtosis of the residual allows: a few outliers raise it
-   although no effect is missing.  Per-record amplitudes are fitted to the validation runs, because
-   a phase cannot be predicted.
+An effect has to meet the acceptance criteria (`selection/criteria.py`).  If the voltage is noisy,
+an effect can also gain by suppressing the current that its noise causes in the simulation.  Models
+are therefore compared at equal power of this noise (decision 0030).
 
 The criterion for the comparison of models is half the BIC of the training runs minus the predictive
 log likelihood of the validation runs, which needs no complexity penalty.  If two models differ by
 less than 1, they are tied.  The model whose effect types come first in the catalogue (common
 effects first) is then selected, and the other is listed as an alternative.
 
-Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Zhang and Siegmund, Biometrics 63 (2007),
-22-32; Kass and Raftery, J. American Statistical Association 90 (1995), 773-795 (probabilities from
-differences of BIC).
+Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Kass and Raftery, J. American Statistical
+Association 90 (1995), 773-795 (probabilities from differences of BIC).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array
-from identification.effects.effect import AbstractEffect, effects_of
+from identification.effects.effect import effects_of
 from identification.fit.campaign import Campaign
-from identification.fit.evaluate import simulate_unseen
+from identification.fit.evaluate import simulate_unseen, voltage_noise_power
 from identification.fit.order_tracking import path_size
 from identification.fit.solve import Fit
 from identification.linear import least_squares
+from identification.selection.criteria import AcceptanceCriteria, by_chance
 from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.start import has_odd_coefficients
 
 __all__ = [
     "UNCOMPUTED",
-    "AcceptanceCriteria",
     "EvaluatedModel",
-    "by_chance",
     "evaluated",
     "probabilities",
     "scores_of",
@@ -58,85 +42,8 @@ __all__ = [
 
 _BY_CHANCE: Final = 0.5
 """Expected gain of the log likelihood by a parameter that has no effect."""
+_ODD: Final = "implausible: like noise of the voltage, it makes a temperature coefficient unusual"
 UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equations are not finite"
-
-
-@dataclass(frozen=True)
-class AcceptanceCriteria:
-    """Result of the three acceptance criteria."""
-
-    gain: float
-    """Gain of the log likelihood over the model without the effect, in effective samples."""
-    needed: float
-    """Gain that chance reaches (significance limit)."""
-    training: float
-    """Relative fall of the error of the training runs, summed over the channels [-]."""
-    validation: float | None
-    """The same for the validation runs; None without such runs [-]."""
-    possible: float
-    """Relative fall on the validation runs down to the noise, reduced by the uncertainty of the
-    noise level [-]."""
-    log_odds: float
-    """Gain of the log likelihood of the validation runs, in effective samples."""
-    local: bool
-    """Whether the effect is restricted to single runs."""
-    flaw: str = ""
-    """Why the fitted effect is implausible for its type; empty if it is plausible."""
-    unknowns: int = 1
-    """Number of unknowns that the effect adds, without those of single records."""
-    tried: int = 1
-    """Number of prototypes from which the effect was selected."""
-    policy: SelectionPolicy = field(default=DEFAULT, repr=False)
-    """Limits of the criteria."""
-
-    @property
-    def passed(self) -> bool:
-        """Whether the effect meets all three criteria and is plausible."""
-        return not self.refusal
-
-    @property
-    def refines(self) -> bool:
-        """Whether an extended variant of an accepted effect is accepted.
-
-        The variant claims no new effect, so the size criterion is waived: a law that hardly changes
-        the error can still bias other parameters by many standard deviations.  The gain has to be
-        significant, and the validation error has to fall.
-        """
-        is_predicted = self.validation is None or (
-            self.validation > self.policy.validation_tolerance
-        )
-        return self.passed or (self.gain > self.needed and is_predicted and not self.flaw)
-
-    @property
-    def refusal(self) -> str:
-        """The criterion that is not met, in words; empty if all are met."""
-        policy = self.policy
-        if self.flaw:
-            return self.flaw
-        if not self.gain > self.needed:
-            return (
-                f"not significant: the gain in log likelihood is {self.gain:.1f}; the best of all "
-                f"prototypes reaches {self.needed:.1f} by chance"
-            )
-        if not self.training > policy.least_fall:
-            return (
-                f"too small: the simulation error of the training runs changes by "
-                f"{-100 * self.training:+.2f} % (limit {-100 * policy.least_fall:.1f} %)"
-            )
-        if self.validation is None:
-            return ""
-        least = -policy.validation_share * self.training
-        if not self.local:
-            expected = policy.validation_share * min(self.training, max(self.possible, 0.0))
-            least = expected - policy.validation_tolerance
-        is_preferred = self.local or self.log_odds > policy.validation_log_odds
-        if not (self.validation > least and is_preferred):
-            return (
-                "not confirmed by the validation runs: their simulation error changes by "
-                f"{-100 * self.validation:+.2f} %, that of the training runs by "
-                f"{-100 * self.training:+.2f} %"
-            )
-        return ""
 
 
 @dataclass(frozen=True)
@@ -161,6 +68,22 @@ class EvaluatedModel:
     """Effective sample fraction [-]."""
     unseen: ValidationErrors | None = None
     """Errors on the validation runs; None without such runs."""
+    noise: Array = field(default_factory=lambda: np.zeros(2))
+    """(2,) mean square of current and speed that the noise of the voltage causes in the simulation
+    [A^2, rad^2/s^2]."""
+
+    def at_equal_noise(self, other: EvaluatedModel) -> EvaluatedModel:
+        """The model with the squares that it had if it passed as much noise as the other model."""
+        added = np.maximum(other.noise - self.noise, 0.0)
+        if not (added > 0.0).any() or not np.isfinite(self.fit.cost):
+            return self
+        weighting = self.fit.weighting
+        deviation = np.sqrt(weighting.deviation**2 + added)
+        rise = float(weighting.counts @ np.log(deviation / weighting.deviation))
+        weighting = replace(weighting, deviation=deviation)
+        fit = replace(self.fit, cost=self.fit.cost + rise, weighting=weighting)
+        unseen = self.unseen and replace(self.unseen, square=self.unseen.square + added)
+        return replace(self, fit=fit, unseen=unseen, noise=self.noise + added)
 
     @property
     def is_computed(self) -> bool:
@@ -177,12 +100,14 @@ class EvaluatedModel:
             tried: Number of prototypes from which the effect was selected.
             policy: Limits of the criteria.
         """
+        own, simpler = self.at_equal_noise(simpler), simpler.at_equal_noise(self)
+        if own is not self:
+            return own.criteria(simpler, tried, policy)
         shared = self.fit.position.size - simpler.fit.position.size
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.fraction, 2.0)
-        terms = effects_of(self.fit.simulator.model.terms)
         known = {term.name for term in simpler.fit.simulator.model.terms}
-        added = [term for term in terms if term.name not in known]
+        added = [t for t in effects_of(self.fit.simulator.model.terms) if t.name not in known]
         shared += sum(len(term.moments) for term in added)
         more = shared + _lasting(self.fit) - _lasting(simpler.fit)
         fall = np.full(2, np.inf)
@@ -204,23 +129,24 @@ class EvaluatedModel:
             possible=possible,
             log_odds=log_odds,
             local=bool(added) and all(term.is_local for term in added),
-            # An extended variant has the type of the term it replaces, and can be implausible too.
-            flaw=self._flaw([t for t in terms if t not in simpler.fit.simulator.model.terms]),
+            flaw=self._flaw(simpler),
             unknowns=max(shared, 1),
             tried=max(tried, 1),
             policy=policy,
         )
 
-    def _flaw(self, terms: Sequence[AbstractEffect]) -> str:
-        """Why a term is implausible or the model cannot be computed; empty otherwise."""
+    def _flaw(self, simpler: EvaluatedModel) -> str:
+        """Why the added terms are implausible or the model cannot be computed; empty otherwise."""
         if not self.is_computed:
             return UNCOMPUTED
         values = dict(zip(self.fit.coordinates.names, self.fit.values, strict=True))
-        for term in terms:
+        for term in effects_of(self.fit.simulator.model.terms):
             own = {p.name: float(values[f"{term.name}.{p.name}"]) for p in term.parameters}
-            if term.flaw(own):
+            # An extended variant has the type of the term it replaces, and can be implausible too.
+            if term not in simpler.fit.simulator.model.terms and term.flaw(own):
                 return term.flaw(own)
-        return ""
+        is_odd = self.noise.any() and has_odd_coefficients(self.fit)
+        return _ODD if is_odd and not has_odd_coefficients(simpler.fit) else ""
 
     def predicts_worse(self, other: EvaluatedModel, policy: SelectionPolicy) -> bool:
         """Whether the validation runs prefer the other model as clearly as they must an effect."""
@@ -247,7 +173,8 @@ class EvaluatedModel:
             return float("inf")
         samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
-        chance = _BY_CHANCE * _fading(self.fit)
+        states = [state for term in self.fit.simulator.model.terms for state in term.states]
+        chance = _BY_CHANCE * len(self.fit.states) * sum(state.fades for state in states)
         penalty = 0.5 * size * float(np.log(samples))
         return fraction * (self.fit.cost + self._predictive()) + penalty + chance
 
@@ -259,11 +186,6 @@ class EvaluatedModel:
         with np.errstate(divide="ignore"):
             terms = 0.5 * self.unseen.count * np.log(self.unseen.square)
         return float(np.sum(terms[seen & (self.unseen.count > 0)]))
-
-
-def by_chance(unknowns: int, samples: float, tried: int) -> float:
-    """Gain of the log likelihood that the best of `tried` prototypes reaches by chance."""
-    return float(0.5 * unknowns * np.log(samples) + np.log(tried))
 
 
 def _log_ratio(square: Array, other: Array) -> Array:
@@ -283,12 +205,6 @@ def _lasting(fit: Fit) -> int:
     return len(fit.states) * sum(not state.fades for state in states) + phases
 
 
-def _fading(fit: Fit) -> int:
-    """Number of initial values of fading states, over all records."""
-    states = [state for term in fit.simulator.model.terms for state in term.states]
-    return len(fit.states) * sum(state.fades for state in states)
-
-
 def _determined(fit: Fit) -> float:
     """Effective number of parameters: those that the data determine and not the priors.
 
@@ -301,23 +217,19 @@ def _determined(fit: Fit) -> float:
 def scores_of(models: Sequence[EvaluatedModel]) -> list[float]:
     """Criteria of several models, counted in the effective samples of the whitest residual.
 
-    A missing effect makes the residual autocorrelated, so the best model gives the best estimate of
-    the effective sample fraction.
+    A missing effect makes the residual autocorrelated, so the best model has the best fraction.
     """
     fraction = max((one.fraction for one in models if np.isfinite(one.fit.cost)), default=1.0)
+    for other in models:
+        models = [one.at_equal_noise(other) for one in models]
     return [one.score(fraction) for one in models]
 
 
 def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
-    """Evaluate a fit on the validation runs.
-
-    Args:
-        fit: The fit.
-        campaign: Training and validation records.
-        fraction: Effective sample fraction [-].
-    """
+    """Evaluate a fit, with its effective sample fraction [-], on the validation runs."""
+    noise = voltage_noise_power(fit)
     if not campaign.validation:
-        return EvaluatedModel(fit, fraction)
+        return EvaluatedModel(fit, fraction, None, noise)
     own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
     simulated = simulate_unseen(fit, campaign.validation, whole=own)
     total, fourth, count = np.zeros(2), np.zeros(2), np.zeros(2)
@@ -330,7 +242,7 @@ def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
     with np.errstate(divide="ignore", invalid="ignore"):
         uneven = np.maximum(np.nan_to_num(fourth / many / square**2 - 1.0), 0.0)
     scatter = 0.5 * np.sqrt(uneven / (many * fraction))
-    return EvaluatedModel(fit, fraction, ValidationErrors(square, count, scatter))
+    return EvaluatedModel(fit, fraction, ValidationErrors(square, count, scatter), noise)
 
 
 def probabilities(scores: Sequence[float]) -> Array:

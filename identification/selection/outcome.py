@@ -23,7 +23,7 @@ from scipy.special import expit
 from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
-from identification.selection.evidence import AcceptanceCriteria, by_chance
+from identification.selection.criteria import AcceptanceCriteria, by_chance
 from identification.selection.omitted import OmittedTerm
 from identification.selection.policy import DEFAULT
 from identification.selection.tracing import Trace

@@ -11,7 +11,8 @@ from identification.effects.effect import effects_of
 from identification.fit.solve import TerminationLimits
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import with_predicted_gain
-from identification.selection.evidence import UNCOMPUTED, AcceptanceCriteria, EvaluatedModel
+from identification.selection.criteria import AcceptanceCriteria
+from identification.selection.evidence import UNCOMPUTED, EvaluatedModel
 from identification.selection.outcome import Searched
 from identification.selection.ranking import ranked
 from identification.selection.refit import swapped

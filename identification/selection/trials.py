@@ -19,7 +19,8 @@ from identification.fit.order_tracking import retracked
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
-from identification.selection.evidence import AcceptanceCriteria, EvaluatedModel, evaluated
+from identification.selection.criteria import AcceptanceCriteria
+from identification.selection.evidence import EvaluatedModel, evaluated
 from identification.selection.omitted import OmittedTerm, omitted_terms
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import (

@@ -7,12 +7,14 @@ import pytest
 
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.evaluate import voltage_noise_power
 from identification.fit.voltage import with_smooth_voltage
 from identification.ingest.run import Run
 from identification.model.composite import Hold
 from identification.options import FitOptions
 from identification.pipeline import identify
 from identification.prediction import predict
+from identification.selection.evidence import evaluated, scores_of
 from tests.motors import Motor, motor_named, run_of
 
 MOTOR = motor_named("servo 100 W")
@@ -47,7 +49,7 @@ def decided(runs: list[Run]) -> tuple[Campaign, Campaign]:
     """The campaign before and after the decision."""
     campaign = campaign_of(runs[:2], runs[2:])
     declared = fit_declared(campaign.training, "zoh")
-    return campaign, with_smooth_voltage(campaign, declared, "auto")
+    return campaign, with_smooth_voltage(campaign, declared, "auto")[0]
 
 
 def errors(motor: Motor, campaign: Campaign) -> dict[str, float]:
@@ -73,6 +75,48 @@ def test_a_voltage_that_the_motor_follows_is_kept(jitter: float) -> None:
     """Without noise nothing is gained, and a jitter at the motor shows in its current."""
     before, after = decided([wavy(k, jitter) for k in range(3)])
     assert after is before
+
+
+def test_the_hold_of_a_noisy_voltage_is_not_taken_for_a_delay() -> None:
+    """The voltage changes linearly between samples; no effect is named, Ra25 is right."""
+    runs = [with_noise(wavy(k), 0.3) for k in range(3)]
+    result = identify(runs[:2], runs[2:], FitOptions(posterior=False)).result
+    assert result["declared"]["hold"] == "foh"
+    assert result["effects"] == []
+    for name, value in zip(("Ra25", "Kt25"), (MOTOR.values[0], MOTOR.values[2]), strict=True):
+        assert result["parameters"][name]["mean"] == pytest.approx(value, rel=0.05)
+
+
+def test_noise_left_in_the_voltage_causes_a_current_of_known_power() -> None:
+    """A resistance three times as large passes a ninth of the noise at high frequency, not less."""
+    _, campaign = decided([with_noise(wavy(k), 0.3) for k in range(3)])
+    fit = fit_declared(campaign.training, "foh")
+    more = fit.values * np.where(np.arange(fit.values.size) == 0, 3.0, 1.0)
+    larger = replace(fit, position=fit.coordinates.of(more))
+    ratio = voltage_noise_power(larger)[0] / voltage_noise_power(fit)[0]
+    assert 1.0 / 9.0 <= ratio < 1.0
+    clean = fit_declared(campaign_of([wavy(0)], []).training, "foh")
+    assert not voltage_noise_power(clean).any()
+
+
+def test_an_effect_gains_nothing_by_suppressing_the_noise_of_the_voltage() -> None:
+    """Two models whose squares differ as the noise that they pass fit equally well."""
+    _, campaign = decided([with_noise(wavy(k), 0.3) for k in range(3)])
+    passing = evaluated(fit_declared(campaign.training, "foh"), campaign, 1.0)
+    less = 0.5 * passing.noise
+    weighting = passing.fit.weighting
+    deviation = np.sqrt(weighting.deviation**2 - less)
+    cost = passing.fit.cost + float(weighting.counts @ np.log(deviation / weighting.deviation))
+    assert passing.unseen is not None
+    suppressing = replace(
+        passing,
+        fit=replace(passing.fit, cost=cost, weighting=replace(weighting, deviation=deviation)),
+        unseen=replace(passing.unseen, square=passing.unseen.square - less),
+        noise=passing.noise - less,
+    )
+    assert suppressing.fit.cost < passing.fit.cost
+    assert suppressing.criteria(passing, 1).gain == pytest.approx(0.0, abs=1e-6)
+    assert np.ptp(scores_of([suppressing, passing])) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_prediction_removes_the_noise_as_the_fit_did() -> None:

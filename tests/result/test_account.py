@@ -11,7 +11,7 @@ from identification.effects.friction import CoulombFriction
 from identification.fit.solve import Fit
 from identification.result.account import account_of
 from identification.result.search import searched_entries
-from identification.selection.evidence import AcceptanceCriteria
+from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
 from identification.surrogates.curves import MissingVoltage
 

@@ -14,9 +14,9 @@ from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import records_of
 from identification.selection import trials
+from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.evidence import (
     UNCOMPUTED,
-    AcceptanceCriteria,
     EvaluatedModel,
     ValidationErrors,
     probabilities,

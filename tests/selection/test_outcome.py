@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identification.fit.solve import Fit
-from identification.selection.evidence import AcceptanceCriteria
+from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found
 
 CRITERIA = AcceptanceCriteria(640.0, 28.0, 1.9, 1.9, 2.0, 600.0, False, unknowns=3, tried=400)

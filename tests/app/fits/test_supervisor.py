@@ -253,6 +253,7 @@ def test_invalid_progress_is_ignored(bench: Bench, progress: object) -> None:
 def test_fits_wait_while_the_engine_has_no_capacity(bench: Bench) -> None:
     """No attempt is counted, for example while a Dask scheduler is unreachable."""
     bench.engine.most = 0
+    time.sleep(0.3)  # a turn of the supervisor that began before has ended
     fit = bench.queue()
     time.sleep(0.3)
     assert (bench.state(fit).status, bench.state(fit).attempt) == ("queued", 0)

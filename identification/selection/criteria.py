@@ -1,0 +1,117 @@
+"""Acceptance criteria of an effect: significance, size and validation.
+
+On long records the likelihood ratio is very large for every real effect, and also for small errors
+of another origin: a smoothed temperature, coloured noise.  An effect therefore has to meet three
+criteria.  None of them was tuned on a simulator.
+
+1. *Significance.* Twice the gain of the log likelihood has to exceed k log N (Schwarz) plus twice
+   the logarithm of the number of prototypes tried (union bound).  Gain and N are counted in
+   effective samples, to allow for autocorrelated residuals.  The time of an event counts as two
+   parameters, since it can be at any sample (Zhang and Siegmund).
+2. *Size.* The simulation error has to fall by at least 2 %, summed over the two channels.  Less
+   than 1 % per channel has no practical use, and other imperfections cause as much: an inexact law,
+   a smoothed temperature.
+3. *Validation.* The error of the validation runs has to fall by at least a quarter of its fall in
+   training, or of the fall that is certainly possible above the noise if that is smaller.  These
+   runs also have to prefer the effect by twenty to one.  An effect of a single run is exempt from
+   both; it may raise their error by at most a quarter of its fall in training.  The validation
+   noise level is only as certain as the kurtosis of the residual allows: a few outliers raise it
+   although no effect is missing.  Per-record amplitudes are fitted to the validation runs, because
+   a phase cannot be predicted.
+
+Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Zhang and Siegmund, Biometrics 63 (2007),
+22-32.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from identification.selection.policy import DEFAULT, SelectionPolicy
+
+__all__ = ["AcceptanceCriteria", "by_chance"]
+
+
+@dataclass(frozen=True)
+class AcceptanceCriteria:
+    """Result of the three acceptance criteria."""
+
+    gain: float
+    """Gain of the log likelihood over the model without the effect, in effective samples."""
+    needed: float
+    """Gain that chance reaches (significance limit)."""
+    training: float
+    """Relative fall of the error of the training runs, summed over the channels [-]."""
+    validation: float | None
+    """The same for the validation runs; None without such runs [-]."""
+    possible: float
+    """Relative fall on the validation runs down to the noise, reduced by the uncertainty of the
+    noise level [-]."""
+    log_odds: float
+    """Gain of the log likelihood of the validation runs, in effective samples."""
+    local: bool
+    """Whether the effect is restricted to single runs."""
+    flaw: str = ""
+    """Why the fitted effect is implausible for its type; empty if it is plausible."""
+    unknowns: int = 1
+    """Number of unknowns that the effect adds, without those of single records."""
+    tried: int = 1
+    """Number of prototypes from which the effect was selected."""
+    policy: SelectionPolicy = field(default=DEFAULT, repr=False)
+    """Limits of the criteria."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the effect meets all three criteria and is plausible."""
+        return not self.refusal
+
+    @property
+    def refines(self) -> bool:
+        """Whether an extended variant of an accepted effect is accepted.
+
+        The variant claims no new effect, so the size criterion is waived: a law that hardly changes
+        the error can still bias other parameters by many standard deviations.  The gain has to be
+        significant, and the validation error has to fall.
+        """
+        is_predicted = self.validation is None or (
+            self.validation > self.policy.validation_tolerance
+        )
+        return self.passed or (self.gain > self.needed and is_predicted and not self.flaw)
+
+    @property
+    def refusal(self) -> str:
+        """The criterion that is not met, in words; empty if all are met."""
+        policy = self.policy
+        if self.flaw:
+            return self.flaw
+        if not self.gain > self.needed:
+            return (
+                f"not significant: the gain in log likelihood is {self.gain:.1f}; the best of all "
+                f"prototypes reaches {self.needed:.1f} by chance"
+            )
+        if not self.training > policy.least_fall:
+            return (
+                f"too small: the simulation error of the training runs changes by "
+                f"{-100 * self.training:+.2f} % (limit {-100 * policy.least_fall:.1f} %)"
+            )
+        if self.validation is None:
+            return ""
+        least = -policy.validation_share * self.training
+        if not self.local:
+            expected = policy.validation_share * min(self.training, max(self.possible, 0.0))
+            least = expected - policy.validation_tolerance
+        is_preferred = self.local or self.log_odds > policy.validation_log_odds
+        if not (self.validation > least and is_preferred):
+            return (
+                "not confirmed by the validation runs: their simulation error changes by "
+                f"{-100 * self.validation:+.2f} %, that of the training runs by "
+                f"{-100 * self.training:+.2f} %"
+            )
+        return ""
+
+
+def by_chance(unknowns: int, samples: float, tried: int) -> float:
+    """Gain of the log likelihood that the best of `tried` prototypes reaches by chance."""
+    return float(0.5 * unknowns * np.log(samples) + np.log(tried))
