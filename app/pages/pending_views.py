@@ -44,6 +44,8 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         state = "unreadable"
     suggested = {name: {"column": title} for name, title in row.found["suggested"].items()}
     chosen = preview["mapping"] if summary is not None else suggested | (row.mapping or {})
+    # The warnings of a run repeat its contradictions.
+    found = {finding["code"] for finding in preview["findings"]}
     # Duty and bus voltage stand for a voltage without a column of its own.
     is_product = "voltage_V" not in chosen
     return {
@@ -63,6 +65,7 @@ def pending_view(row: PendingRow) -> dict[str, Any]:
         "warnings": [
             {"text": located(warning), "code": warning["code"]}
             for warning in (summary or {}).get("warnings", ())
+            if warning["code"] not in found
         ],
         "channels": [
             _channel(

@@ -60,3 +60,28 @@ def test_fault_of_a_cell_is_given_with_its_position() -> None:
     [shown_fault] = pending_view(cast(PendingRow, row))["errors"]
 
     assert shown_fault["text"] == "row 412, column i: 'x' is not a number"
+
+
+def test_a_contradiction_of_a_readable_file_is_shown_once() -> None:
+    """The warnings of a run repeat its contradictions, which have a place of their own."""
+    finding = {
+        "file": "run.csv", "severity": "refuse", "column": "current_A",
+        "message": "has the wrong sign", "corrections": [], "code": "reversed_channel",
+    }  # fmt: skip
+    repeated = {"code": "reversed_channel", "message": "has the wrong sign", "column": "current_A"}
+    other = {"code": "no_temperature", "message": "no temperature", "column": None}
+    found: dict[str, Any] = {
+        "preview": {"findings": [finding], "errors": [], "mapping": {}},
+        "summary": {
+            "rows": 100, "sample_rate_hz": 100.0, "duration_s": 1.0,
+            "channels": {}, "warnings": [repeated, other],
+        },
+        "suggested": {},
+        "columns": [],
+    }  # fmt: skip
+    row = SimpleNamespace(id="run_1", file="run.csv", found=found, mapping=None, motor="", bench="")
+
+    view = pending_view(cast(PendingRow, row))
+
+    assert len(view["findings"]) == 1
+    assert [warning["code"] for warning in view["warnings"]] == ["no_temperature"]
