@@ -125,7 +125,7 @@ def test_table_names_every_parameter_warnings_first_and_files_last(
     assert rows["Ra25"].split()[-1] == "yes"
     assert "25 °C" in shown
     assert "125 °C" in shown
-    assert "settling time, 2 % [s]" in shown
+    assert "Settling time, 2 % [ms]" in shown
     assert shown.splitlines()[-1] == str(tmp_path / "out" / "report.html")
     warnings = json.loads((tmp_path / "out" / "result.json").read_text())["warnings"]
     for number, warning in enumerate(warnings):
