@@ -105,8 +105,9 @@ def _refusal(findings: Sequence[Finding], options: FitOptions) -> ContradictoryR
 
 
 def suspects(runs: Sequence[Run]) -> str:
-    """Input warnings that may explain why there is no result; empty if there are none."""
-    found = [str(w) for code in _SUSPECT for run in runs for w in run.warnings if w.code == code]
+    """Remarks on the runs that may explain why there is no result; empty if there are none."""
+    found = [str(finding) for finding in check_runs(runs).refused]
+    found += [str(w) for code in _SUSPECT for run in runs for w in run.warnings if w.code == code]
     if not found:
         return ""
     more = f" ({len(found) - 1} more such remarks)" if len(found) > 1 else ""
