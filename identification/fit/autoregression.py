@@ -70,14 +70,10 @@ def autoregression(
 
 
 def lag_products(series: Array, largest: int) -> Array:
-    """Sums of the products of a series with itself, by lag.
+    """Sums of the products of a series with itself, by lag, (largest + 1,).
 
-    Args:
-        series: (n_sample,), or (n_sample, n_column), whose columns are summed.
-        largest: Largest lag [samples].
-
-    Returns:
-        (largest + 1,), zero for lags longer than the series.
+    The series is (n_sample,), or (n_sample, n_column), whose columns are summed; lags longer than
+    it give zero.
     """
     return np.array(
         [
@@ -88,14 +84,10 @@ def lag_products(series: Array, largest: int) -> Array:
 
 
 def spectrum(taps: Array, length: int) -> Array:
-    """Power spectrum of the noise that a filter whitens, on the Fourier grid.
+    """Power spectrum (length,) of the noise that a filter whitens, on the Fourier grid from zero.
 
-    Args:
-        taps: (1 + n_order,) as from `autoregression` [-].
-        length: Number of frequencies on the full circle, from zero.
-
-    Returns:
-        (length,) power with mean 1; at frequency zero it is the sum of the autocorrelations [-].
+    The taps (1 + n_order,) are those of `autoregression`; the power has mean 1, at frequency zero
+    it is the sum of the autocorrelations [-].
     """
     power = 1.0 / np.abs(fft.fft(taps, length)) ** 2
     return np.asarray(power / power.mean(), dtype=np.float64)

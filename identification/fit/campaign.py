@@ -117,11 +117,7 @@ def _without(record: Record, dead: np.ndarray) -> Record:
 
 
 def first_alike(runs: Sequence[Run]) -> tuple[int | None, ...]:
-    """For each run the index of the first earlier run with the same samples; None if there is none.
-
-    Args:
-        runs: Runs of one motor.
-    """
+    """For each run the index of the first earlier run with the same samples; None if none has."""
     first: dict[str, int] = {}
     found: list[int | None] = []
     for place, run in enumerate(runs):

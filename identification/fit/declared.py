@@ -39,11 +39,7 @@ _REBOUNDS: Final = 5
 
 
 def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
-    """Fit the nominal model.
-
-    Args:
-        records: Training records.
-        hold: Voltage between samples: zero-order (``zoh``) or first-order (``foh``) hold.
+    """Fit the nominal model to records, with zero-order (``zoh``) or first-order (``foh``) hold.
 
     Raises:
         ComputationError: No starting vector gives a finite simulation.

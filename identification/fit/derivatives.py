@@ -38,9 +38,7 @@ class Derivatives:
     def blocks(self, lead: int) -> Iterator[TangentBlock]:
         """Iterate over the sensitivities, record by record or block by block.
 
-        Args:
-            lead: Samples that each block of a record, except the first, repeats from the previous
-                block.
+        Each block of a record, except the first, repeats `lead` samples of the previous one.
         """
         if self.kept is not None:
             yield from self.kept

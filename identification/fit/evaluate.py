@@ -52,10 +52,7 @@ def simulate_fitted(fit: Fit) -> list[Simulated]:
 def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False) -> list[Simulated]:
     """Simulate validation records from their inputs and their first samples alone.
 
-    Args:
-        fit: The fit.
-        records: The validation records.
-        whole: Whether initial states are fitted to whole records instead of their heads.
+    Initial states are fitted to the heads of the records, or to whole records.
     """
     if not records:
         return []

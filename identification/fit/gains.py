@@ -47,9 +47,7 @@ class GainRatio:
 def current_gains(declared: Fit, campaign: Campaign) -> tuple[GainRatio, ...]:
     """Runs in which both resistance and inertia indicate a different gain of the current sensor.
 
-    Args:
-        declared: Fit of the nominal model to all training runs.
-        campaign: Training and validation records.
+    The nominal model is fitted to all training runs.
     """
     if not _is_suspected(declared, campaign):
         return ()
@@ -86,12 +84,7 @@ def _is_suspected(declared: Fit, campaign: Campaign) -> bool:
 
 
 def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
-    """The campaign with all currents scaled to the gain of the first training run.
-
-    Args:
-        campaign: Records.
-        gains: Result of `current_gains`.
-    """
+    """The campaign with all currents scaled to the gain of the first training run."""
     if not gains:
         return campaign
     ratios = {gain.run: gain.ratio for gain in gains}

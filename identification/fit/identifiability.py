@@ -74,11 +74,8 @@ def precision_of(
 ) -> dict[str, Precision]:
     """Precision of each parameter of the fit by the data and the known values.
 
-    Args:
-        fit: The fit.
-        fraction: Effective sample fraction, see `effective_fraction`.
-        added: (n_parameter,) variances for omitted terms, added in search coordinates.
-        by_runs: Whether known values are ignored.
+    `fraction` is that of `effective_fraction`; `added` (n_parameter,) are variances for omitted
+    terms, in search coordinates; with `by_runs` known values are ignored.
     """
     known = np.array([bool(p.origin) and not by_runs for p in fit.coordinates.parameters])
     deviations = _data_deviations(fit, fraction, known)

@@ -149,13 +149,7 @@ class Knowledge:
 
 
 def compared(fit: Fit, fraction: float, prior: Prior) -> Comparison:
-    """Compare a known value with the estimate of the runs without it.
-
-    Args:
-        fit: Fit of any model, with or without the prior.
-        fraction: Effective sample fraction.
-        prior: The known value.
-    """
+    """Compare a known value with the estimate of the runs alone, by a fit with or without it."""
     k = fit.coordinates.names.index(prior.name)
     parameter, position = fit.coordinates.parameters[k], float(fit.position[k])
     own = 1.0 / float(fit.coordinates.prior_sd[k]) ** 2

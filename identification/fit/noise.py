@@ -53,14 +53,10 @@ _DEGREES: Final = (3.0, 4.0, 6.0, 10.0)
 
 
 def with_noise_model(fit: Fit) -> Fit:
-    """Refit under the noise model that the residuals require.
+    """Refit a fit with white normal noise under the noise model that the residuals require.
 
-    Args:
-        fit: A fit with white normal noise.
-
-    Returns:
-        The refit with weights and whitening; the same fit if its residuals are white and normal, or
-        if the noise model makes the simulation worse.
+    The same fit if its residuals are white and normal, or if the noise model makes the simulation
+    worse.
     """
     changed = _refitted(fit, fit)
     if changed is fit:
@@ -171,11 +167,7 @@ def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[
 
 
 def student(series: Array) -> tuple[float | None, float]:
-    """Degrees of freedom and scale of the best Student-t fit; None if normal fits as well.
-
-    Args:
-        series: (n_sample,) any unit.
-    """
+    """Degrees of freedom and scale of the best Student-t fit; None if normal fits as well."""
     normal = float(np.std(series))
     if not normal > 0:
         return None, normal

@@ -210,8 +210,7 @@ class NormalEquations:
     def covariance(self, fraction: float = 1.0) -> Array:
         """Covariance of the search coordinates, prior included.
 
-        Args:
-            fraction: Effective sample fraction; the prior keeps its weight.
+        The sample fraction scales the data; the prior keeps its weight.
         """
         return _inverse(self.precision(fraction))
 

@@ -22,15 +22,10 @@ __all__ = ["optimum_shifts"]
 
 
 def optimum_shifts(fit: Fit, changes: Sequence[Array]) -> list[Array]:
-    """Change of the search coordinates by the change in each record alone.
+    """Change (n_parameter, n_change) of the search coordinates by the change in each record alone.
 
-    Args:
-        fit: Fit at its optimum.
-        changes: For each record (n_sample, 2, n_change) change of the simulated channels
-            [A, rad/s].
-
-    Returns:
-        For each record (n_parameter, n_change); the optimum moves by their sum.
+    The changes are those of the simulated channels, (n_sample, 2, n_change) for each record [A,
+    rad/s]; the optimum moves by the sum over the records.
     """
     equations, weighting = fit.equations, fit.weighting
     size = fit.position.size

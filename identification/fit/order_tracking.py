@@ -112,12 +112,7 @@ def tracked(
 
 
 def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
-    """The fit with the angles tracked at its optimum, or the fit itself if that is no better.
-
-    Args:
-        fit: The fit.
-        limits: Termination limits.
-    """
+    """The fit with the angles tracked at its optimum, or the fit itself if that is no better."""
     for _ in range(_PASSES):
         simulator, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
         if simulator is fit.simulator:
@@ -131,12 +126,9 @@ def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
 
 
 def block_edges(record: Record, order: float, speed_noise: float) -> NDArray[np.int64]:
-    """Edges of blocks in which the phase of an order drifts little, (n_block + 1,).
+    """Edges (n_block + 1,) of blocks in which the phase of an order drifts little.
 
-    Args:
-        record: The record.
-        order: Periods per revolution [-].
-        speed_noise: Standard deviation of the noise of the speed [rad/s].
+    The order is in periods per revolution [-], the noise of the speed in rad/s.
     """
     return _edges(record, order**2 * speed_noise**2 * _interval(record), _COARSE)
 
@@ -159,13 +151,7 @@ def block_products(
 
 
 def path_size(simulator: Simulator, values: Array, deviation: Array) -> int:
-    """Number of phases, beyond one a record, that tracking estimates in coarse blocks.
-
-    Args:
-        simulator: Model and records.
-        values: (n_parameter,) physical values.
-        deviation: (2,) noise of current and speed [A, rad/s].
-    """
+    """Number of phases, beyond one a record, that tracking estimates in coarse blocks."""
     term = _tracked_term(simulator)
     if term is None:
         return 0

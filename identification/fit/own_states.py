@@ -30,12 +30,7 @@ __all__ = ["amplitude_sizes", "own_cost"]
 
 
 def own_cost(simulator: Simulator, states: Sequence[Array]) -> Array | float:
-    """Negative log prior of the per-record amplitudes, zero without such states [-].
-
-    Args:
-        simulator: Model and records.
-        states: For each record (n_state, ...) initial state.
-    """
+    """Negative log prior of the per-record amplitudes, zero without such states [-]."""
     cost: Array | float = 0.0
     for _, rows, size in _own(simulator.model):
         for state in states:

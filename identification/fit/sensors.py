@@ -54,10 +54,7 @@ _MOST_NAMED: Final = 5
 def bounded_noise(records: Sequence[Record], noise: Array, error: Array) -> Array:
     """(2,) noise of current and speed, limited to `noise_ceiling` where the model explains little.
 
-    Args:
-        records: Training records.
-        noise: (2,) estimate from the residuals [A, rad/s].
-        error: (2,) RMS error of the simulation [A, rad/s].
+    The estimate from the residuals and the RMS error of the simulation are (2,) [A, rad/s].
     """
     measured = np.concatenate([record.measured for record in records])
     poor = error > _EXPLAINED * np.std(measured, axis=0)
@@ -67,11 +64,7 @@ def bounded_noise(records: Sequence[Record], noise: Array, error: Array) -> Arra
 
 
 def noise_ceiling(records: Sequence[Record]) -> Array:
-    """(2,) largest possible noise of current and speed [A, rad/s]; infinite for short runs.
-
-    Args:
-        records: Training records.
-    """
+    """(2,) largest possible noise of current and speed [A, rad/s]; infinite for short runs."""
     squares, rows = np.zeros(2), 0
     for record in records:
         span = slice(0, _ROWS)
@@ -113,9 +106,7 @@ def difference_noise(signals: Iterable[Array], order: int) -> float:
 def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[ResultWarning, ...]:
     """Warnings about channels whose quantisation step is too coarse for their noise.
 
-    Args:
-        runs: Training runs.
-        noise: (2,) standard deviation of the residual of current and speed [A, rad/s].
+    The noise (2,) is the standard deviation of the residuals [A, rad/s].
     """
     warnings = []
     for channel, (name, unit) in enumerate((("current_A", "A"), ("speed_rad_s", "rad/s"))):
@@ -139,11 +130,7 @@ def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[ResultWarning, .
 
 
 def step_of(signal: Array) -> float | None:
-    """Quantisation step of a signal; None if its differences are not multiples of one step.
-
-    Args:
-        signal: (n_sample,) any unit.
-    """
+    """Quantisation step of a signal (n_sample,); None if differences are not multiples of one."""
     span = float(np.ptp(signal))
     if span == 0.0:
         return None

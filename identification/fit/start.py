@@ -37,14 +37,10 @@ _LARGEST_SLOPE: Final = 0.02
 
 
 def starting_values(records: Sequence[Record]) -> Array:
-    """Candidate starting vectors, one per filter cutoff and one from signal sizes alone.
+    """Candidate starting vectors (7, n_candidate), all finite and inside their physical bounds.
 
-    Args:
-        records: Training records.
-
-    Returns:
-        (7, n_candidate) physical values in the order of the nominal parameters, all finite and
-        inside their physical bounds.
+    One per filter cutoff and one from signal sizes alone; physical, in the order of the nominal
+    parameters.
     """
     interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
     longest = max(float(r.time[-1] - r.time[0]) for r in records)

@@ -42,11 +42,7 @@ _AGAIN: Final = 3
 
 
 def unlogged_of(records: Sequence[Record]) -> Unlogged:
-    """Unlogged temperatures that a fit to the records has to estimate.
-
-    Args:
-        records: Training records.
-    """
+    """Unlogged temperatures that a fit to the records has to estimate."""
     unknown = {record.run: record.expected for record in records if record.expected is not None}
     if not unknown:
         return Unlogged()
@@ -140,12 +136,7 @@ def _at(record: Record, own: Array | None) -> Record:
 
 
 def estimated_temperatures(fit: Fit, unseen: Sequence[Record]) -> dict[str, float]:
-    """Estimated mid-run temperatures of runs without a log, by the name of the run [degC].
-
-    Args:
-        fit: Fit of the final model.
-        unseen: Validation records, as simulated.
-    """
+    """Estimated mid-run temperatures of runs without a log, by the name of the run [degC]."""
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     names = {record.run: record.name for record in fit.simulator.records}
     found = {}

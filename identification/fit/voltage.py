@@ -40,13 +40,10 @@ def with_smooth_voltage(
 ) -> tuple[Campaign, Fit]:
     """The campaign without the noise of its voltage, if that explains current and speed better.
 
+    ``auto`` stands for an unknown hold.
+
     A voltage with noise varies slowly, so that another hold looks like a delay of the voltage or a
     filter of the current.  The hold of the nominal model is therefore decided here as well.
-
-    Args:
-        campaign: Training and validation records.
-        declared: Fit of the nominal model to the training records.
-        hold: Inter-sample behaviour of the voltage; ``auto`` for an unknown one.
 
     Returns:
         The campaign and the fit of the nominal model to it.

@@ -28,11 +28,8 @@ def blocks(
 ) -> Iterator[tuple[list[int], list[slice]]]:
     """Iterate over blocks: the records that extend into each, and their samples in it.
 
-    Args:
-        lengths: Number of samples of each record.
-        rows: Number of rows of all records.
-        lead: Least number of samples of a block.
-        most: Rows of a block.
+    `lengths` are the samples of each record, `rows` the rows of all; a block has at least `lead`
+    samples and at most `most` rows.
     """
     each = max(most * sum(lengths) // (rows * len(lengths)), lead, 1)
     for first in range(0, max(lengths), each):

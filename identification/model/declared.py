@@ -45,13 +45,7 @@ and L (`fit/scaling.py`)."""
 
 
 def coefficient_at(reference: Expression, slope: Expression, temperature: Expression) -> Expression:
-    """Ra(T) or Kt(T) from its value at 25 degC (equations 11 and 12).
-
-    Args:
-        reference: Value at 25 degC.
-        slope: Temperature coefficient [1/K].
-        temperature: Temperature [degC].
-    """
+    """Ra(T) or Kt(T) from its value at 25 degC and its slope [1/K] (equations 11 and 12)."""
     return reference * (1 + slope * (temperature - REFERENCE_TEMPERATURE_DEGC))
 
 

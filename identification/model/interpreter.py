@@ -30,10 +30,7 @@ _ARGUMENTS: Final = (ctypes.c_int64, ctypes.c_int64, *[ctypes.c_void_p] * 7, *[c
 
 
 class Interpreted:
-    """Step function as a program of the interpreter.
-
-    Args:
-        step: SX function (carry, input, parameter) -> (carry, output).
+    """Step function (carry, input, parameter) -> (carry, output) as a program of the interpreter.
 
     Raises:
         ComputationError: The step uses an operation that has no translation.

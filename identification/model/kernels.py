@@ -37,11 +37,7 @@ _SUM: Final = hashlib.sha256().digest_size
 
 
 def kept(key: str) -> bytes | None:
-    """Cached object code; None if there is no intact file that belongs to this user.
-
-    Args:
-        key: Hash of the loop, letters and digits.
-    """
+    """Cached object code; None if there is no intact file that belongs to this user."""
     folder = _folder()
     if folder is None:
         return None
@@ -60,12 +56,7 @@ def kept(key: str) -> bytes | None:
 
 
 def keep(key: str, code: bytes) -> None:
-    """Write object code to the cache atomically; a full or read-only disk is no error.
-
-    Args:
-        key: Hash of the loop, letters and digits.
-        code: Object code.
-    """
+    """Write object code to the cache atomically; a full or read-only disk is no error."""
     folder = _folder()
     if folder is None:
         return

@@ -73,11 +73,7 @@ class Value(NamedTuple):
 
 
 class Operations:
-    """LLVM instructions of scalar operations, by class.
-
-    Args:
-        prefix: Prefix of the register names.
-    """
+    """LLVM instructions of scalar operations, by class; the prefix is that of the registers."""
 
     def __init__(self, prefix: str) -> None:
         self.lines: dict[str, list[str]] = {"constant": [], "shared": [], "lane": []}
@@ -113,11 +109,7 @@ class Operations:
         return self._spread[value.name]
 
     def operation(self, operation: int, operands: list[Value]) -> Value:
-        """Append the instructions of one operation and return its result.
-
-        Args:
-            operation: Code of CasADi.
-            operands: One for each of its operands.
+        """Append the instructions of one operation of CasADi and return its result.
 
         Raises:
             ComputationError: The operation has no translation.

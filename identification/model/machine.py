@@ -45,12 +45,7 @@ def _compile(text: str, level: Level) -> bytes:
 
 
 class Loaded:
-    """A function ``scan`` as machine code in this process, as long as this object exists.
-
-    Args:
-        code: Object code.
-        arguments: C types of the arguments.
-    """
+    """A function ``scan`` as machine code in this process, as long as this object exists."""
 
     def __init__(self, code: bytes, arguments: tuple[Any, ...]) -> None:
         # Held here: of two linkers that threads make at once, the cache keeps only one.

@@ -62,12 +62,9 @@ class StepPlan:
 
 
 def plan_for(rate: float, *, linear: bool = False) -> StepPlan:
-    """Cheapest plan for a sample interval with h |A| up to `rate`.
+    """Cheapest plan for a sample interval with h |A| up to `rate` [-].
 
-    Args:
-        rate: Largest h |A| [-].
-        linear: Whether the model is the nominal one, for which a Taylor term costs two
-            multiplications.
+    For the nominal model, which is linear, a Taylor term costs two multiplications.
     """
     reach = _LARGEST_SERIES if linear else _LARGEST_ACTION
     if math.isfinite(rate) and rate <= reach:

@@ -49,12 +49,7 @@ _STRUCTURES: Final = 128
 
 
 def evenly(rows: Sequence[int], substeps: int) -> tuple[Counts, ...]:
-    """Equal substep counts for all sample intervals.
-
-    Args:
-        rows: Number of samples of each record.
-        substeps: Number of substeps of each sample interval.
-    """
+    """Equal substep counts for all sample intervals of records with so many samples."""
     return tuple(np.full(n, substeps, dtype=np.int64) for n in rows)
 
 
@@ -64,15 +59,9 @@ def first_rows(counts: Counts) -> NDArray[np.intp]:
 
 
 def divided(inputs: Array, counts: Counts, hold: Hold) -> Array:
-    """Inputs with one row per substep.
+    """Inputs (n_row, n_input) with one row per substep.
 
-    Args:
-        inputs: (n_sample, n_input), one row per sample.
-        counts: (n_sample,) substeps of each sample interval.
-        hold: Inter-sample behaviour of the voltage.
-
-    Returns:
-        (n_row, n_input).
+    The inputs are (n_sample, n_input), the counts (n_sample,).
     """
     rows = np.repeat(inputs, counts, axis=0)
     number = np.repeat(counts, counts).astype(np.float64)

@@ -24,11 +24,7 @@ _NAMES: Final = {"exp": "v", "log": "v", "sin": "v", "cos": "v", "pow": "vv"}
 
 
 def vector_function(name: str) -> str | None:
-    """Symbol of the version of a function for `vector_width` lanes, or None if there is none.
-
-    Args:
-        name: Name of the scalar function: exp, log, sin, cos or pow.
-    """
+    """Symbol of the version of exp, log, sin, cos or pow for `vector_width` lanes, or None."""
     return vector_functions().get(name)
 
 

@@ -25,10 +25,7 @@ _COMMON: Final = 4.0
 def with_predicted_gain(scores: Sequence[Score], count: int, least: float = _WORTH) -> list[Score]:
     """Candidates with the largest predicted gain, one per variant and two per effect type.
 
-    Args:
-        scores: Best first.
-        count: Number of candidates at most.
-        least: Predicted gain that each candidate has to exceed.
+    The scores are the best first; each kept one exceeds the gain `least`.
     """
     kinds: dict[str, int] = {}
     kept = []
@@ -41,12 +38,7 @@ def with_predicted_gain(scores: Sequence[Score], count: int, least: float = _WOR
 
 
 def candidates_of(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
-    """All structures of the effect types that are not in the model.
-
-    Args:
-        fit: Fit of the current model.
-        withheld: Effect types that are no candidates.
-    """
+    """All structures of the effect types that are neither in the model nor withheld."""
     scales = scales_of(fit)
     absent = {term.name for term in fit.simulator.model.terms} | set(withheld)
     return [
@@ -63,9 +55,6 @@ def without_shared(scores: Sequence[Score]) -> list[Score]:
     An event in one run has a large predicted gain in that run and none in the others.  Any other
     model error has about the same gain in every run, so the other runs serve as the control: the
     gain per affected run has to be at least four times the median of the others.
-
-    Args:
-        scores: Best first.
     """
     predicted: dict[str, dict[int, float]] = {}
     for score in scores:

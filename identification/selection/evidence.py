@@ -226,7 +226,7 @@ def scores_of(models: Sequence[EvaluatedModel]) -> list[float]:
 
 
 def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
-    """Evaluate a fit, with its effective sample fraction [-], on the validation runs."""
+    """Evaluate a fit on the validation runs of a campaign."""
     noise = voltage_noise_power(fit)
     if not campaign.validation:
         return EvaluatedModel(fit, fraction, None, noise)
@@ -248,8 +248,7 @@ def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
 def probabilities(scores: Sequence[float]) -> Array:
     """Posterior model probabilities from half the BIC, at equal prior odds.
 
-    Args:
-        scores: Criterion of each model, all on the same data and effective samples.
+    All scores are on the same data and effective samples.
     """
     if not np.isfinite(scores).any():
         # The first model is the current one; if none can be computed, it gets probability 1.

@@ -66,12 +66,7 @@ class LinearPart:
         return f"unlisted.linear_{self.signal}"
 
     def drawn(self, draws: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
-        """Draws with a random line in the curve and the nominal parameters that compensate it.
-
-        Args:
-            draws: Draws without the line: arrays of one shape, by parameter name.
-            rng: Random generator of the line.
-        """
+        """Draws with a random line in the curve and the nominal parameters that compensate it."""
         size = self.width * rng.standard_normal(draws["J"].shape) / self.size
         if (self.equation, self.signal) == ("mechanical", "speed"):
             # Reflected where the viscous friction would become negative.
@@ -119,13 +114,7 @@ def linear_parts_of(fit: Fit) -> tuple[LinearPart, ...]:
 def with_linear_parts_drawn(
     draws: dict[str, Array], lines: Sequence[LinearPart], seed: int
 ) -> dict[str, Array]:
-    """Posterior draws with non-identifiable lines added.
-
-    Args:
-        draws: Draws from a model without lines: arrays of one shape, by parameter name.
-        lines: The lines.
-        seed: Seed of the random lines.
-    """
+    """Posterior draws, arrays of one shape by name, with non-identifiable lines added."""
     rng = np.random.default_rng([seed, len(lines)])
     for line in lines:
         draws = line.drawn(draws, rng)

@@ -60,11 +60,7 @@ def omitted_terms(
 ) -> tuple[OmittedTerm, ...]:
     """Terms with a predicted gain above chance, one per effect type, best first.
 
-    Args:
-        fit: The model at its optimum.
-        fraction: Effective sample fraction [-].
-        scores: Scores of the terms in addition to the model.
-        tried: Number of prototypes from which the best was selected.
+    `tried` is the number of prototypes from which the best was selected.
     """
     samples = max(float(fit.weighting.counts.sum()) * fraction, 2.0)
     found: dict[str, OmittedTerm] = {}
@@ -103,12 +99,7 @@ def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
 
 
 def consider_variances(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:
-    """(n_parameter,) variances added by omitted terms, in search coordinates.
-
-    Args:
-        fit: Fit whose parameters change.
-        omitted: The terms.
-    """
+    """(n_parameter,) variances added by omitted terms, in search coordinates."""
     variances: Array = np.sum(_steps(fit, omitted) ** 2, axis=1)
     return variances
 
@@ -116,15 +107,7 @@ def consider_variances(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:
 def with_omitted_drawn(
     draws: dict[str, Array], fit: Fit, omitted: Sequence[OmittedTerm], seed: int
 ) -> dict[str, Array]:
-    """Draws with the changes by omitted terms added.
-
-    Args:
-        draws: Physical values by name, all of one shape; values that are not parameters are
-            unchanged.
-        fit: Fit to whose posterior the draws belong.
-        omitted: The terms.
-        seed: Seed of the random amplitudes.
-    """
+    """Draws with the changes by omitted terms added; other values are unchanged."""
     if not omitted:
         return draws
     names = fit.coordinates.names

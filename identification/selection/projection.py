@@ -58,9 +58,7 @@ class Projection:
 def gain_of(square: Array, right: Array) -> tuple[float, Array]:
     """Gain of the log likelihood at the optimal amplitudes, and these amplitudes; NaN if undefined.
 
-    Args:
-        square: (n, n) normal matrix of the amplitudes.
-        right: (n,) right-hand side.
+    The normal matrix is (n, n), the right-hand side (n,).
     """
     if not (np.isfinite(square).all() and np.isfinite(right).all()):
         return np.nan, right

@@ -20,12 +20,7 @@ __all__ = ["is_better", "is_at_bound", "ranked", "replaces"]
 
 
 def ranked(models: Sequence[EvaluatedModel], policy: SelectionPolicy) -> list[int]:
-    """Indices of the models, best first; ties are decided by the catalogue, common types first.
-
-    Args:
-        models: Models evaluated on the same campaign.
-        policy: Difference of the criterion that counts as a tie.
-    """
+    """Indices of the models, best first; ties are decided by the catalogue, common types first."""
     scores = scores_of(models)
     best = min(scores, default=0.0)
     positions = {name: position for position, name in enumerate(CATALOGUE)}

@@ -193,11 +193,6 @@ def refined(
     The substeps that are needed depend on the optimum, so the error is measured there.  If the
     substeps were too coarse, the fit is repeated; if it then moved far, the error is measured
     again.
-
-    Args:
-        fit: The fit.
-        limits: Termination limits.
-        policy: Limits of the refinements.
     """
     for _ in range(policy.refinements):
         if limits.over:

@@ -54,11 +54,7 @@ class Score:
 
 
 def gathered(scores: Sequence[Score]) -> list[Score]:
-    """One score per structure, with the other starting points attached to it.
-
-    Args:
-        scores: Best first.
-    """
+    """One score per structure, best first, with the other starting points attached to it."""
     best: dict[tuple[str, str], tuple[Score, list[Start]]] = {}
     for score in scores:
         known, others = best.setdefault(score.structure, (score, list(score.others)))
@@ -72,10 +68,6 @@ def with_fitted_hold(fit: Fit, scores: Sequence[Score]) -> list[Score]:
 
     The hold has no amplitude, and with the wrong one all parameters of a slowly driven motor are
     far off, so that a first-order prediction misses most of the gain.
-
-    Args:
-        fit: Fit of the nominal model.
-        scores: Best first.
     """
     found = []
     for score in scores:

@@ -39,13 +39,7 @@ _MANY: Final = 1_000_000
 def screened(
     fit: Fit, candidates: Sequence[Candidate], policy: SelectionPolicy = DEFAULT
 ) -> list[Score]:
-    """Scores of the prototypes of all candidates, best first.
-
-    Args:
-        fit: Fit of the current model at its optimum.
-        candidates: Structures to score.
-        policy: Limits of samples and substeps.
-    """
+    """Scores of the prototypes of all candidates, added to a fit at its optimum, best first."""
     fit = fit.full()
     residual = Residual.of(_coarse(fit, policy.screening_substeps), policy.screening_samples)
     forced = [candidate for candidate in candidates if isinstance(candidate.term, AbstractForced)]

@@ -46,10 +46,6 @@ def sharpened(fit: Fit, policy: SelectionPolicy = DEFAULT) -> Fit:
     """Fit whose parameters are not biased by smoothed friction and finite substeps.
 
     The same fit if the bias is small, or if the runs prefer the smoothed friction.
-
-    Args:
-        fit: Fit at its optimum.
-        policy: Limits of the bias and of the refit.
     """
     # As the finish of the final model, without limit: a truncated search has spent its own budget.
     limits = TerminationLimits(policy.steps, budget=Budget())

@@ -162,12 +162,7 @@ def _shortened(
 
 
 def traded(fit: Fit, candidate: Candidate) -> list[Start]:
-    """Starts at which parameters of the fit return what they had absorbed of the effect.
-
-    Args:
-        fit: Fit of the model to which the candidate is added.
-        candidate: The candidate.
-    """
+    """Starts at which parameters of the fit return what they had absorbed of the candidate."""
     values = dict(zip(fit.coordinates.names, fit.values, strict=True))
     found = []
     for start, factors in candidate.traded:

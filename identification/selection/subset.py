@@ -47,13 +47,7 @@ def representative_subset(
 ) -> tuple[Campaign, Fit] | None:
     """Segments of the records of a campaign, and the nominal model fitted to them.
 
-    Args:
-        campaign: Training and validation records.
-        declared: Fit of the nominal model to all training records.
-        policy: Limits of the sizes.
-
-    Returns:
-        The campaign of the segments and its nominal fit; None if the records are short.
+    None if the records are short.
     """
     if sum(record.rows for record in campaign.training) <= policy.subset_ratio * PART_ROWS:
         return None
@@ -69,12 +63,7 @@ def representative_subset(
 
 
 def subset_of_fit(fit: Fit, policy: SelectionPolicy = DEFAULT) -> Fit:
-    """A model fitted to segments of its records; the fit itself if the records are short.
-
-    Args:
-        fit: Fit of the model to all training records.
-        policy: Limits of the sizes.
-    """
+    """A model fitted to segments of its records; the fit itself if the records are short."""
     records = fit.simulator.records
     if sum(record.rows for record in records) <= policy.subset_ratio * PART_ROWS:
         return fit
@@ -82,24 +71,13 @@ def subset_of_fit(fit: Fit, policy: SelectionPolicy = DEFAULT) -> Fit:
 
 
 def informative_segments(records: Sequence[Record], rows: int) -> list[Record]:
-    """Segments of records to which no model has been fitted.
-
-    Args:
-        records: The records.
-        rows: Samples of all segments together.
-    """
+    """Segments of records to which no model has been fitted, with so many samples in all."""
     residuals = [np.zeros_like(record.measured) for record in records]
     return _segments(records, residuals, rows, DEFAULT)
 
 
 def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | None = None) -> Fit:
-    """Fit a model to other records, starting at its present optimum.
-
-    Args:
-        records: The other records.
-        fit: Present fit of the model.
-        limits: Termination limits.
-    """
+    """Fit a model to other records, starting at its present optimum."""
     model, values = fit.simulator.model, fit.values
     own = any(state.is_own for term in model.terms for state in term.states)
     simulator = Simulator.fitting(model, records, values)

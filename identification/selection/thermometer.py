@@ -44,10 +44,7 @@ def thermometer_errors(
 ) -> tuple[OmittedTerm, ...]:
     """Parameter changes by the unknown error of coarse temperature logs, as independent directions.
 
-    Args:
-        fit: Fit at its optimum.
-        fraction: Effective sample fraction [-].
-        policy: Widening of an interval below which a direction is dropped.
+    A direction that widens an interval too little is dropped.
     """
     if not any(record.resolution for record in fit.simulator.records):
         return ()

@@ -51,23 +51,14 @@ class Trace:
 
 
 def missing_curves(fit: Fit, policy: SelectionPolicy = DEFAULT) -> list[Score]:
-    """Scores of curves, ripples and other unlisted terms, one per structure, best first.
-
-    Args:
-        fit: Fit of a model at its optimum.
-        policy: Limits of the screening.
-    """
+    """Scores of curves, ripples and other unlisted terms, one per structure, best first."""
     scales = replace(scales_of(fit), frequencies=_peaks(fit))
     candidates = [candidate for kind in SURROGATES for candidate in kind.candidates(scales)]
     return gathered(screened(fit, candidates, policy))
 
 
 def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:
-    """Curves of what a model lacks over each signal alone, best first; negligible ones are dropped.
-
-    Args:
-        scores: Result of `missing_curves`.
-    """
+    """Curves of what a model lacks over each signal alone, best first, without negligible ones."""
     curves = [(s, s.candidate.term) for s in scores if isinstance(s.candidate.term, AbstractCurve)]
     alone = [(score, term) for score, term in curves if not term.carrier]
     most = max((score.gain for score, _ in alone), default=0.0)

@@ -264,12 +264,7 @@ class Trials:
     def finish_best(
         self, current: EvaluatedModel, fits: Sequence[tuple[Score, Fit]]
     ) -> list[EvaluatedModel]:
-        """Finish and evaluate the first refits, those with a cost close to the best.
-
-        Args:
-            current: Model to which the candidates were added.
-            fits: Result of `refits`, best first.
-        """
+        """Finish and evaluate the first refits, those with a cost close to the best."""
         policy, longest = self.policy, self.policy.finish_factor * self.longest
         models: list[EvaluatedModel] = []
         for score, fit in fits:
@@ -300,10 +295,6 @@ class Trials:
         """Fit at its optimum, with substeps as fine as it needs.
 
         If the base model had not converged, every added effect would seem to improve it.
-
-        Args:
-            fit: The fit.
-            limits: Termination limits.
         """
         limits = limits or self.limits()
         fit = retracked(self._converged(fit, limits), limits)

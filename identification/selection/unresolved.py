@@ -27,13 +27,7 @@ __all__ = ["unresolved_transients"]
 def unresolved_transients(
     fit: Fit, fraction: float, policy: SelectionPolicy = DEFAULT
 ) -> tuple[OmittedTerm, ...]:
-    """Parameter changes to a motor with a tenth of the inductance, if the runs do not exclude it.
-
-    Args:
-        fit: Fit at its optimum.
-        fraction: Effective sample fraction [-].
-        policy: Limits of the exclusion.
-    """
+    """Parameter changes to a motor with a tenth of the inductance, unless the runs exclude it."""
     at = dict(zip(fit.coordinates.names, map(float, fit.values), strict=True))
     interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in fit.simulator.records])))
     slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
