@@ -40,6 +40,9 @@ __all__ = [
 Point = tuple[Array, list[Array]]
 """Search coordinates, and for each record the initial state."""
 
+_WORTH: Final = 2
+"""Ratio of steps from which a simulator of its own for the chosen point pays; a fit from a
+simulator of a larger step is more accurate."""
 _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.08, 0.03, 0.01, 1e-3, 1e-5])
 """Fractions of the amplitude at which a start is simulated."""
 
@@ -124,9 +127,18 @@ def begun(
     if best > 0:
         # If the whole step diverges, it has the most substeps; the chosen point needs few of them.
         values = coordinates.values(position)
-        simulator = fit.simulator.changed_to(model, values)
-        simulator = simulator.roughly_accurate(values, states, weighting.deviation)
+        cheaper = fit.simulator.changed_to(model, values)
+        cheaper = cheaper.roughly_accurate(values, states, weighting.deviation)
+        if _WORTH * _steps(cheaper) <= _steps(simulator):
+            simulator = cheaper
     return simulator, position, states
+
+
+def _steps(simulator: Simulator) -> int:
+    """Number of integration steps of one simulation of all records."""
+    if simulator.substeps is None:
+        return sum(record.rows for record in simulator.records)
+    return sum(int(counts.sum()) for counts in simulator.substeps)
 
 
 def _extended(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) -> Point:
