@@ -127,5 +127,5 @@ def _campaigns(lines: Sequence[Line]) -> Iterator[str]:
 
 
 def _covers(entry: Sequence[float | None]) -> bool:
-    """Whether the 90 % interval of a parameter contains the true value."""
+    """True if the 90 % interval of a parameter contains the true value."""
     return entry[0] is not None and _LOW <= entry[0] <= _HIGH

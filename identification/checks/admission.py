@@ -49,9 +49,13 @@ class Admission:
         """Warnings for the result, the most severe first."""
         left_out = {run.name for run, _ in self.set_aside}
         refused = [f for f in self.findings if f.severity == "refuse"]
-        forced = [f.warning(_FORCED, "critical") for f in refused if f.file not in left_out]
+        fitted = [f for f in refused if f.file not in left_out]
+        forced = [f.warning(_FORCED, "critical") for f in fitted]
         aside = [f.warning(_ASIDE) for f in refused if f.file in left_out]
-        return forced + aside + [f.warning() for f in self.findings if f.severity == "suspect"]
+        # A contradiction of one channel is a warning of that channel, too, which names it first.
+        named = [f.warning() for f in fitted if f.column]
+        named += [f.warning() for f in self.findings if f.severity == "suspect"]
+        return forced + aside + named
 
 
 def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOptions) -> Admission:

@@ -82,7 +82,7 @@ def signals_of(run: Run) -> Signals:
 
 
 def has_signal(signal: Array) -> bool:
-    """Whether means over 16 samples of a signal (n_sample,) scatter more than white noise's."""
+    """True if means over 16 samples of a signal (n_sample,) scatter more than white noise's."""
     count = signal.size // _NOISE_WINDOW
     if count < _FEWEST_WINDOWS // 3:
         return True

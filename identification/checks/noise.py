@@ -40,7 +40,7 @@ _UNEXPLAINED: Final = 0.6
 
 
 def is_noise(signals: Signals, channel: str) -> bool:
-    """Whether a channel is constant, or white and independent of the other two."""
+    """True if a channel is constant, or white and independent of the other two."""
     target = getattr(signals, channel)
     if np.ptp(target) == 0.0:
         return True

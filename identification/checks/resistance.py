@@ -35,7 +35,7 @@ def is_refuted(
     deviations: Mapping[str, float],
     trusted: Mapping[str, bool],
 ) -> bool:
-    """Whether the fit contradicts the suspicion of a temperature in degrees Fahrenheit.
+    """True if the fit contradicts the suspicion of a temperature in degrees Fahrenheit.
 
     The suspicion follows from resistances on window means, which a delay of a channel biases; the
     fit models the delay.  Copper on a Fahrenheit scale has a coefficient below its limit.

@@ -149,7 +149,7 @@ def confounded_terms(
 
 
 def turns_one_way(records: Sequence[Record]) -> bool:
-    """Whether the peak speed in one direction is at most a tenth of that in the other."""
+    """True if the peak speed in one direction is at most a tenth of that in the other."""
     speed = np.concatenate([record.measured[:, 1] for record in records])
     high, low = float(speed.max()), float(speed.min())
     return min(high, -low) <= _REVERSES * max(high, -low)

@@ -52,7 +52,7 @@ class AcceptanceCriteria:
     log_odds: float
     """Gain of the log likelihood of the validation runs, in effective samples."""
     local: bool
-    """Whether the effect is restricted to single runs."""
+    """True if the effect is restricted to single runs."""
     flaw: str = ""
     """Why the fitted effect is implausible for its type; empty if it is plausible."""
     unknowns: int = 1
@@ -64,12 +64,12 @@ class AcceptanceCriteria:
 
     @property
     def passed(self) -> bool:
-        """Whether the effect meets all three criteria and is plausible."""
+        """True if the effect meets all three criteria and is plausible."""
         return not self.refusal
 
     @property
     def refines(self) -> bool:
-        """Whether an extended variant of an accepted effect is accepted.
+        """True if an extended variant of an accepted effect is accepted.
 
         The variant claims no new effect, so the size criterion is waived: a law that hardly changes
         the error can still bias other parameters by many standard deviations.  The gain has to be

@@ -130,7 +130,7 @@ class Outcome:
     omitted: tuple[OmittedTerm, ...] = ()
     """Terms outside the final model with a predicted gain above chance."""
     is_scored: bool = True
-    """Whether any term in addition to the final model has a finite score."""
+    """True if any term in addition to the final model has a finite score."""
     smooth: MotorModel | None = None
     """The final model with the friction of the search, if that of `fit` is sharper."""
 

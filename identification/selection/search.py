@@ -147,7 +147,7 @@ def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool,
 
 
 def _is_overrun(trials: Trials) -> bool:
-    """Whether the rounds have spent the whole budget; that of the curves is then granted anew."""
+    """True if the rounds have spent the whole budget; that of the curves is then granted anew."""
     budget, policy = trials.budget, trials.policy
     is_overrun = budget.left < 0.0
     if is_overrun:

@@ -144,7 +144,7 @@ class Bench:
 
 def until(condition: Callable[[], bool]) -> None:
     """Wait until a condition holds, which the supervisor's thread brings about."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 10
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"
         time.sleep(0.005)

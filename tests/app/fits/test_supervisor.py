@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from app.database import Database
-from app.fits import repository
+from app.fits import repository, starter
 from app.fits.engine import LOST
 from tests.app.fits.supervised import Bench, until
 
@@ -220,8 +220,11 @@ def test_job_that_cannot_be_started_fails_without_blocking_others(
     assert bench.ended(good).status == "succeeded"
 
 
-def test_resource_shortage_does_not_count_against_a_fit(bench: Bench) -> None:
+def test_resource_shortage_does_not_count_against_a_fit(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Four refusals exceed the limit of three that applies to other errors."""
+    monkeypatch.setattr(starter, "_FIRST_PAUSE_S", 0.05)
     bench.engine.refusals = 4
     fit = bench.queue()
     bench.started(1).succeed()
