@@ -70,7 +70,9 @@ class Walk:
             self.elsewhere.append(url)
 
     def check(self) -> None:
-        """Check the page as it is now, at both widths, in light and dark."""
+        """Check the page when it is loaded, at both widths, in light and dark."""
+        # Before its style sheets are there a page has another width.
+        self.page.wait_for_load_state("load")
         for width in WIDTHS:
             self.page.set_viewport_size({"width": width, "height": 900})
             assert self.page.evaluate("document.documentElement.scrollWidth") == width
@@ -158,7 +160,8 @@ def test_user_walks_from_three_files_to_a_report(walk: Walk, files: list[Path]) 
     walk.check()
 
     start_fit(page)
-    page.wait_for_selector("text=succeeded")
+    # The page says "succeeded" before it loads itself again with the result.
+    page.wait_for_selector("text=Open report")
     walk.check()
     address = page.url
     page.click("text=Open report")
@@ -258,7 +261,7 @@ def compare_two_fits(walk: Walk) -> None:
     page.uncheck("[name=effects]")
     page.click("text=Start fit")
     page.wait_for_url("**/fits/fit_*")
-    page.wait_for_selector("text=succeeded")
+    page.wait_for_selector("text=Open report")
     page.click("h1 >> text=servo 1")
     walk.check()
     assert page.locator("input[name=fit]:checked").count() == 2
