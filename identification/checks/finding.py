@@ -20,7 +20,7 @@ class Finding:
     code: str
     """Stable identifier such as ``reversed_channel``."""
     severity: Severity
-    """True if the finding blocks a fit."""
+    """``refuse`` blocks a fit, ``suspect`` does not."""
     file: str
     """Name of the run; empty if it concerns all runs."""
     column: str | None

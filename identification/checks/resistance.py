@@ -1,4 +1,4 @@
-"""Plausibility of the identified temperature coefficient of the resistance.
+"""Plausibility of the identified temperature coefficient of the resistance and of the heating.
 
 The winding is of copper, alpha 0.0039 1/K, or of aluminium, 0.0040 1/K.  Leads, brushes and the
 transistors of a bridge are colder or have a smaller coefficient, so that alpha_Ra is that of copper
@@ -8,8 +8,11 @@ the voltage sensor, is fitted as a resistance that does not depend on the temper
 The limits are a share of a quarter and one and a half times copper, which a winding whose
 temperature rises by half more than the logged one has.
 
+The winding also cannot become hotter than its insulation endures.  A self-heating that requires it
+stands for another dependence of the voltage on current or time.
+
 Source: IEC 60034-1 (2022), 8.6.2.3.3 (225 and 235 degC for aluminium and copper, which is
-1 / (T + 25 degC) at 25 degC).
+1 / (T + 25 degC) at 25 degC); IEC 60085 (2007), 5 (thermal classes of insulation).
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from typing import Final
 
 from identification.checks.finding import Finding
 
-__all__ = ["is_refuted", "resistance_findings"]
+__all__ = ["heating_findings", "is_refuted", "resistance_findings"]
 
 _COPPER: Final = 1.0 / 260.0
 """Temperature coefficient of copper at 25 degC [1/K]."""
@@ -27,6 +30,39 @@ _LIMITS: Final = (0.25 * _COPPER, 1.5 * _COPPER)
 """Smallest and largest plausible coefficient [1/K]."""
 _SPREADS: Final = 3.0
 """Standard deviations by which a coefficient has to exceed its limit."""
+
+_MOST_RISE: Final = 225.0
+"""Rise from 25 degC to 250 degC, the highest numbered thermal class [K]."""
+
+
+def heating_findings(rise: float) -> list[Finding]:
+    """Suspicion about a winding that heats beyond what any insulation endures.
+
+    Args:
+        rise: Largest rise of the winding by self-heating in the training runs [K].
+    """
+    if not rise > _MOST_RISE:
+        return []
+    remedy = (
+        "compare the supply, and the zero and gain of the current sensor, at the beginning and the "
+        "end of a run"
+    )
+    return [
+        Finding(
+            "winding_heating",
+            "suspect",
+            "",
+            None,
+            f"the winding would heat by {rise:.0f} K within a run, more than any insulation "
+            "endures, so self_heating stands for another effect that depends on current or time; "
+            f"{remedy}",
+            "temperature rise of the winding [K]",
+            rise,
+            _MOST_RISE,
+            separable=False,
+            remedy=remedy,
+        )
+    ]
 
 
 def is_refuted(

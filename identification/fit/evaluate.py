@@ -16,7 +16,13 @@ from identification.fit.temperature import with_own_temperatures
 from identification.model.excitation import Record, squares_of
 from identification.model.simulate import Simulator
 
-__all__ = ["Simulated", "simulate_fitted", "simulate_unseen", "voltage_noise_power"]
+__all__ = [
+    "Simulated",
+    "largest_heating",
+    "simulate_fitted",
+    "simulate_unseen",
+    "voltage_noise_power",
+]
 
 _TRACKED: Final = 2
 """Alternations between the angles and the initial states, which depend on each other."""
@@ -85,6 +91,16 @@ def voltage_noise_power(fit: Fit) -> Array:
     changed = replace(fit.simulator, records=noisy).logged(fit.values[:, None], fit.states)
     changes = [a[:, :, 0] - b for a, b in zip(changed, fit.simulated(), strict=True)]
     return squares_of(records, changes) / np.maximum(fit.weighting.counts, 1.0)
+
+
+def largest_heating(fit: Fit) -> float:
+    """Largest rise of the winding by its own losses in the training records; 0 without one [K]."""
+    names = fit.simulator.model.state_names
+    rises = [k for k, name in enumerate(names) if name.startswith("self_heating.")]
+    if not rises:
+        return 0.0
+    trajectories = fit.simulator.states(fit.values[:, None], fit.states)
+    return float(max(states[:, rises, 0].sum(axis=1).max() for states in trajectories))
 
 
 def _tracked(

@@ -181,6 +181,7 @@ def _reconsidered(findings: Findings) -> tuple[Findings, list[Finding]]:
     return findings, [
         *time_constant_findings(values, trusted),
         *resistance_findings(values, deviations, trusted),
+        *findings.overheating,
     ]
 
 

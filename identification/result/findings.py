@@ -9,11 +9,18 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.admission import Admission
+from identification.checks.finding import Finding
+from identification.checks.resistance import heating_findings
 from identification.diagnosis.detection import Detection, detect
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.outliers import noise_without_outlying_runs, root_mean_square
 from identification.fit.campaign import Campaign
-from identification.fit.evaluate import Simulated, simulate_fitted, simulate_unseen
+from identification.fit.evaluate import (
+    Simulated,
+    largest_heating,
+    simulate_fitted,
+    simulate_unseen,
+)
 from identification.fit.identifiability import identified
 from identification.fit.knowledge import Comparison
 from identification.fit.noise import noise_deviation
@@ -122,7 +129,13 @@ class Findings:
             return None
         runs = self.simulated["after"]
         error = root_mean_square(runs["validation"] or runs["training"])
-        return self.outcome.given(error / np.maximum(NEAR_NOISE * self.noise, 1e-300))
+        judged = self.outcome.given(error / np.maximum(NEAR_NOISE * self.noise, 1e-300))
+        return judged.doubting("self_heating") if self.overheating else judged
+
+    @cached_property
+    def overheating(self) -> list[Finding]:
+        """Finding that the self-heating of the final model exceeds what a winding endures."""
+        return heating_findings(largest_heating(self.final))
 
     @property
     def has_effects(self) -> bool:

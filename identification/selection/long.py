@@ -66,6 +66,8 @@ def search_long(
         return replace(found, fit=whole, effects=effects, complete=complete)
     begin = whole if effects else None
     more = select(declared, campaign, lambda done: tell(0.8 + 0.2 * done), budget, begin)
+    if not more.complete:
+        more = more.with_alternatives_of(effects)
     return replace(more, searched=(*found.searched, *more.searched))
 
 

@@ -15,6 +15,7 @@ in the Schwarz criterion).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -141,3 +142,30 @@ class Outcome:
             ratios: (n_channel,) RMS error of the final model over the largest that noise explains.
         """
         return replace(self, effects=tuple(found.given(ratios) for found in self.effects))
+
+    def with_alternatives_of(self, effects: Sequence[Found]) -> Outcome:
+        """The outcome, its effects without alternatives with those of an earlier search.
+
+        Args:
+            effects: Effects of a search on a part of the samples.
+        """
+        known = {found.name: found for found in effects}
+        return replace(
+            self,
+            effects=tuple(
+                replace(found, probability=before.probability, alternatives=before.alternatives)
+                if (before := known.get(found.name)) and not found.alternatives
+                else found
+                for found in self.effects
+            ),
+        )
+
+    def doubting(self, name: str) -> Outcome:
+        """The outcome with a term outside the catalogue in place of an effect that cannot be."""
+        effects = tuple(
+            replace(found, probability=0.0, alternatives=(), outside=1.0)
+            if found.name == name
+            else found
+            for found in self.effects
+        )
+        return replace(self, effects=effects)

@@ -3,7 +3,7 @@
 import pytest
 
 from identification.checks.finding import Finding
-from identification.checks.resistance import is_refuted, resistance_findings
+from identification.checks.resistance import heating_findings, is_refuted, resistance_findings
 
 TRUSTED = {"alpha_Ra": True}
 
@@ -46,3 +46,11 @@ def test_coefficient_of_copper_refutes_degrees_fahrenheit(
     finding = Finding(code, "suspect", "", "temperature_degC", "", "alpha", 0.0023, 0.0029)
     values, deviations = {"alpha_Ra": alpha}, {"alpha_Ra": spread}
     assert is_refuted(finding, values, deviations, {"alpha_Ra": is_trusted}) is expected
+
+
+def test_winding_cannot_be_hotter_than_its_insulation_endures() -> None:
+    """From 25 degC to class 250 of IEC 60085 are 225 K."""
+    assert heating_findings(0.0) == heating_findings(224.0) == []
+    (found,) = heating_findings(381.0)
+    assert (found.code, found.severity) == ("winding_heating", "suspect")
+    assert "381 K" in found.message

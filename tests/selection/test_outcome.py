@@ -10,7 +10,7 @@ import pytest
 
 from identification.fit.solve import Fit
 from identification.selection.criteria import AcceptanceCriteria
-from identification.selection.outcome import Alternative, Found
+from identification.selection.outcome import Alternative, Found, Outcome
 
 CRITERIA = AcceptanceCriteria(640.0, 28.0, 1.9, 1.9, 2.0, 600.0, False, unknowns=3, tried=400)
 OTHER = Alternative("brush_drop", 0.1, cast(Fit, None), 1.0)
@@ -58,3 +58,24 @@ def test_a_curve_claims_no_name_that_could_be_wrong() -> None:
     curve = replace(HEATING, name="unlisted")
 
     assert curve.given(np.array([10.0, 2.0])) == curve
+
+
+def test_alternatives_of_a_subset_remain_if_the_budget_allows_none_on_all_samples() -> None:
+    """An effect that was compared on all samples keeps what was found there."""
+    alone = replace(HEATING, probability=1.0, alternatives=())
+    outcome = Outcome(cast(Fit, None), (alone,), ())
+
+    assert outcome.with_alternatives_of([HEATING]).effects == (HEATING,)
+    assert outcome.with_alternatives_of([replace(HEATING, name="load_torque")]) == outcome
+    compared = replace(outcome, effects=(HEATING,))
+    assert compared.with_alternatives_of([alone]) == compared
+
+
+def test_heating_that_no_winding_endures_is_left_to_a_term_outside_the_catalogue() -> None:
+    """Other effects of the model keep their probabilities."""
+    friction = replace(HEATING, name="coulomb_friction")
+    doubted = Outcome(cast(Fit, None), (HEATING, friction), ()).doubting("self_heating")
+
+    assert doubted.effects[0].probability == 0.0
+    assert doubted.effects[0].others == [("unlisted", 1.0)]
+    assert doubted.effects[1] == friction
