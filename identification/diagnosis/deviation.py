@@ -30,7 +30,7 @@ from identification.fit.solve import Fit
 from identification.linear import least_squares
 from identification.model.blocks import BLOCK, blocks
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.excitation import Record
+from identification.model.excitation import Record, sample_interval
 from identification.model.parameter import Parameter
 from identification.model.scan import LANES, scan_of
 from identification.model.step import advance
@@ -184,7 +184,7 @@ def deviation_of(fit: Fit, position: Array | None = None) -> Deviation:
         pieces.append(Piece(record, rows[k], targets[k], weight, spread))
     prior = 1.0 / fit.coordinates.prior_sd**2
     offset = np.where(prior > 0, fit.coordinates.prior_mean - fit.position, 0.0)
-    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in simulator.records])))
+    interval = sample_interval(simulator.records)
     return Deviation(structure, tuple(pieces), noise, scale, interval, prior, offset)
 
 

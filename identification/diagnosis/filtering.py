@@ -45,9 +45,6 @@ __all__ = [
     "updated",
 ]
 
-_STRUCTURES: Final = 32
-"""Compiled filters kept in the cache."""
-
 HYPER: Final = (
     "keep_voltage", "drive_voltage", "keep_torque", "drive_torque",
     "keep_current", "drive_current", "keep_speed", "drive_speed",
@@ -179,7 +176,7 @@ def started(deviation: Deviation, piece: Piece, hyper: Array) -> Array:
     return packed
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache(32)
 def _filter_scan(structure: Structure) -> Scan:
     return scan_of(_filter_step(structure))
 

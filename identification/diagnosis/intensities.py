@@ -133,8 +133,7 @@ def maximum_likelihood(
     if start is None:
         grid = np.clip(_grid(pieces), lower[:, None], upper[:, None])
         start = grid[:, int(np.argmax(valued(grid)))]
-    found = maximise(valued, start, (lower, upper), rival=rival)
-    return Hyperparameters(found.point, found.value)
+    return Hyperparameters(*maximise(valued, start, (lower, upper), rival=rival))
 
 
 def _bounds(

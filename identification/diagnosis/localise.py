@@ -154,8 +154,7 @@ def localise(fit: Fit) -> Localisation:
     missing = []
     for k, smoothed in enumerate(smoothed_disturbances(deviation, both.hyper, known)):
         record = fit.simulator.records[k]
-        columns = [*smoothed.mean.T, *smoothed.deviation.T]
-        e_v, e_tau, v_sd, tau_sd = (np.ascontiguousarray(column) for column in columns)
+        e_v, e_tau, v_sd, tau_sd = np.ascontiguousarray(smoothed.T)
         missing.append(Missing(k, record.run, record.start, record.time, e_v, v_sd, e_tau, tau_sd))
     white = fits.chosen(deviation, electrical.significant, mechanical.significant)
     noise = deviation.noise * np.maximum(

@@ -12,7 +12,6 @@ Source: Nocedal and Wright, Numerical Optimization, 2nd edition, section 6.1 (BF
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 from identification.arrays import Array
 from identification.linear import solution
 
-__all__ = ["Optimum", "maximise"]
+__all__ = ["maximise"]
 
 Valued = Callable[[Array], Array]
 """Function of (n, n_lane) points; returns (n_lane,) values, minus infinity if undefined."""
@@ -45,23 +44,13 @@ _FAR: Final = 50.0
 """Deficit to the rival, beyond the remaining gain, from which the iteration ends."""
 
 
-@dataclass(frozen=True)
-class Optimum:
-    """Result of a maximisation."""
-
-    point: Array
-    """(n,) point of the maximum."""
-    value: float
-    """Value there."""
-
-
 def maximise(
     valued: Valued,
     start: Array,
     bounds: tuple[Array, Array],
     rival: float | None = None,
-) -> Optimum:
-    """Maximise a function within bounds.
+) -> tuple[Array, float]:
+    """Point (n,) and value of the maximum of a function within bounds.
 
     Args:
         valued: The function, scaled so that a difference of 1 matters and 0.01 does not.
@@ -85,7 +74,9 @@ def maximise(
         ):
             break
         step *= min(1.0, _LONGEST / np.abs(step).max())
-        tries = np.clip(point[:, None] + step[:, None] * np.array(_SHORTER), *_columns(bounds))
+        tries = np.clip(
+            point[:, None] + step[:, None] * np.array(_SHORTER), lower[:, None], upper[:, None]
+        )
         full = np.clip(point + step, lower, upper)
         ahead, slope, others = _value_and_gradient(valued, full, bounds, tries)
         if not ahead > value + 1e-4 * predicted or others.max() > ahead + 0.1 * abs(ahead - value):
@@ -103,17 +94,13 @@ def maximise(
         point, value, gradient = full, ahead, slope
         if small > 1:
             break
-    return Optimum(point, value)
+    return point, value
 
 
 def _is_decided(number: int, value: float, predicted: float, rival: float) -> bool:
     """Whether the value has reached its rival, or the maximum is sure to stay far below it."""
     behind = rival - value
     return behind < _ENOUGH or (number >= _TRIED and behind > _FAR + _OPTIMISM * predicted)
-
-
-def _columns(bounds: tuple[Array, Array]) -> tuple[Array, Array]:
-    return bounds[0][:, None], bounds[1][:, None]
 
 
 def _free(point: Array, gradient: Array, bounds: tuple[Array, Array]) -> NDArray[np.intp]:

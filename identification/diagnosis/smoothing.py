@@ -37,21 +37,11 @@ from identification.diagnosis.filtering import (
 )
 from identification.model.scan import scan_of
 
-__all__ = ["MissingSignals", "auxiliary_residuals", "smoothed_disturbances"]
+__all__ = ["auxiliary_residuals", "smoothed_disturbances"]
 
 _AT_ONCE: Final = 25_000
 """Rows whose covariances are held in memory together.  A longer piece is filtered twice: the second
 pass takes the blocks in reverse order and starts each from the state stored by the first pass."""
-
-
-@dataclass(frozen=True)
-class MissingSignals:
-    """Missing voltage and torque of one record."""
-
-    mean: Array
-    """(n_sample, 2) missing voltage and torque [V, N m]."""
-    deviation: Array
-    """(n_sample, 2) their posterior standard deviation [V, N m]."""
 
 
 def auxiliary_residuals(
@@ -78,10 +68,8 @@ def auxiliary_residuals(
     return found
 
 
-def smoothed_disturbances(
-    deviation: Deviation, hyper: Array, known: Likelihood
-) -> list[MissingSignals]:
-    """Smoothed missing voltage and torque of all records.
+def smoothed_disturbances(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Array]:
+    """For each record (n_sample, 4) missing voltage and torque, and their standard deviations.
 
     `hyper` (n_hyper, 1) holds the hyperparameters, see `HYPER`, `known` the posterior of the
     parameters under them.
@@ -92,8 +80,7 @@ def smoothed_disturbances(
 
     found = []
     for pieces in _batches(deviation.pieces):
-        for both in _passes(deviation, pieces, hyper, known, smoothed):
-            found.append(MissingSignals(both[:, :2], both[:, 2:]))
+        found += _passes(deviation, pieces, hyper, known, smoothed)
     return found
 
 

@@ -20,7 +20,7 @@ from identification.fit.solve import Fit, TerminationLimits, continued, optimise
 from identification.fit.start import starting_values
 from identification.fit.temperature import unlogged_of, with_expected
 from identification.model.composite import Hold, MotorModel
-from identification.model.excitation import Record
+from identification.model.excitation import Record, sample_interval
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
@@ -80,8 +80,7 @@ def _rebounded(fit: Fit) -> Fit:
 
 def _least_inductance(records: Sequence[Record], values: Array) -> float:
     """L with an electrical time constant too far below the sample interval to differ from zero."""
-    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
-    return _LEAST_INDUCTANCE * float(values[0]) * interval
+    return _LEAST_INDUCTANCE * float(values[0]) * sample_interval(records)
 
 
 def _is_sharp(fit: Fit) -> bool:

@@ -63,13 +63,8 @@ class NormalEquations:
         """Whether a step can be computed; False if the simulation diverges."""
         return bool(np.isfinite(self.matrix).all() and np.isfinite(self.gradient).all())
 
-    @property
-    def decrement(self) -> float:
-        """Predicted decrease of the cost by a full step; chance alone gives about 1."""
-        return float(0.5 * self.gradient @ _solved(self.matrix, self.gradient))
-
     def decrement_within(self, position: Array, coordinates: Coordinates) -> float:
-        """Predicted decrease of the cost by a full step of the free parameters.
+        """Predicted decrease of the cost by a full step of the free parameters; chance gives 1.
 
         A parameter at a bound that its step would cross stays there.  A decrease predicted beyond
         the bound is out of reach.

@@ -33,7 +33,7 @@ from scipy.linalg import solveh_banded
 
 from identification.arrays import Array
 from identification.fit.solve import Fit, TerminationLimits, solve
-from identification.model.excitation import Record
+from identification.model.excitation import Record, sample_interval
 from identification.model.simulate import Simulator
 from identification.model.term import AbstractTerm
 
@@ -88,7 +88,9 @@ def tracked(
         logged = simulator.logged(np.repeat(values[:, None], lanes[0].shape[1], axis=1), lanes)
         records = list(before)
         for k, record in enumerate(records):
-            track = _Track(order, order**2 * deviation[1] ** 2 * _interval(record), len(waves))
+            track = _Track(
+                order, order**2 * deviation[1] ** 2 * sample_interval([record]), len(waves)
+            )
             if record.angle_logged or track.walk * _duration(record) < _NEGLIGIBLE:
                 continue
             series = _Series(
@@ -130,7 +132,7 @@ def block_edges(record: Record, order: float, speed_noise: float) -> NDArray[np.
 
     The order is in periods per revolution [-], the noise of the speed in rad/s.
     """
-    return _edges(record, order**2 * speed_noise**2 * _interval(record), _COARSE)
+    return _edges(record, order**2 * speed_noise**2 * sample_interval([record]), _COARSE)
 
 
 def block_products(
@@ -320,10 +322,6 @@ def _moves(state: Array, waves: Sequence[Sequence[int]], size: float) -> Array:
         moves[sine, 2] = -_STEP * harmonic * state[cosine]
         moves[cosine, 2] = _STEP * harmonic * state[sine]
     return moves
-
-
-def _interval(record: Record) -> float:
-    return float(np.median(record.inputs[:-1, 0]))
 
 
 def _duration(record: Record) -> float:

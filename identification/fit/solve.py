@@ -22,7 +22,7 @@ Source: Transtrum and Sethna, arXiv preprint 1201.5885 (2012) (geodesic accelera
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -111,6 +111,17 @@ class Fit:
     def values(self) -> Array:
         """(n_parameter,) physical values."""
         return self.coordinates.values(self.position)
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """`values` by the names of the parameters."""
+        return dict(zip(self.coordinates.names, map(float, self.values), strict=True))
+
+    def moved_to(self, values: Mapping[str, float]) -> Fit:
+        """The fit with other physical values of some parameters; other names are ignored."""
+        there = self.by_name | dict(values)
+        position = self.coordinates.of(np.array([there[name] for name in self.coordinates.names]))
+        return replace(self, position=position)
 
     @property
     def deviations(self) -> Array:

@@ -25,7 +25,7 @@ from scipy import signal
 
 from identification.arrays import Array
 from identification.linear import least_squares
-from identification.model.excitation import Record
+from identification.model.excitation import Record, sample_interval
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["starting_values"]
@@ -42,7 +42,7 @@ def starting_values(records: Sequence[Record]) -> Array:
     One per filter cutoff and one from signal sizes alone; physical, in the order of the nominal
     parameters.
     """
-    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
+    interval = sample_interval(records)
     longest = max(float(r.time[-1] - r.time[0]) for r in records)
     lowest = min(6.0 / longest, 0.25 / interval)
     cutoffs = np.geomspace(lowest, 1.0 / interval, _CUTOFFS)

@@ -15,7 +15,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.fit.initial import fitted_initial_states
 from identification.fit.solve import Fit
-from identification.model.composite import INPUTS, MotorModel
+from identification.model.composite import MotorModel
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.unlogged import RAMP, Unlogged
@@ -128,22 +128,22 @@ def _at(record: Record, own: Array | None) -> Record:
     """The record with a given warming and mid-run temperature; unchanged if it has a log."""
     if own is None or record.expected is None:
         return record
-    inputs = record.inputs.copy()
+    columns = {}
     for name in ("temperature", "temperature_next"):
         passed = (record.column(name) - record.expected) / RAMP
-        inputs[:, INPUTS.index(name)] = own[1] + own[0] * passed
-    return replace(record, inputs=inputs)
+        columns[name] = own[1] + own[0] * passed
+    return record.with_inputs(columns)
 
 
 def estimated_temperatures(fit: Fit, unseen: Sequence[Record]) -> dict[str, float]:
     """Estimated mid-run temperatures of runs without a log, by the name of the run [degC]."""
-    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    values = fit.by_name
     names = {record.run: record.name for record in fit.simulator.records}
     found = {}
     for run in fit.simulator.model.unlogged.runs:
         name = f"temperature_of_run_{run + 1}"
         if name in values:
-            found[names[run]] = float(values[name])
+            found[names[run]] = values[name]
     late = [record for record in unseen if record.expected is not None]
     return found | {r.name: float(np.mean(r.column("temperature"))) for r in late}
 

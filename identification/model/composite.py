@@ -37,7 +37,6 @@ __all__ = ["CHANNELS", "INPUTS", "Hold", "MotorModel"]
 
 Hold = Literal["zoh", "foh"]
 
-_STRUCTURES: Final = 128
 
 CHANNELS: Final = ("current", "speed")
 """Logged channels, in the column order of `Record.measured`."""
@@ -262,7 +261,7 @@ class MotorModel:
         return own
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache
 def _equations_of(model: MotorModel, is_averaged: bool) -> ca.Function:  # noqa: FBT001
     """SX function (state, inputs, parameter) -> (rates, readings)."""
     averaged, depends = _averaged_equations(model)
@@ -272,7 +271,7 @@ def _equations_of(model: MotorModel, is_averaged: bool) -> ca.Function:  # noqa:
     return ca.Function("equations", list(symbols), list(model.assembled(*symbols)))
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache
 def _averaged_equations(model: MotorModel) -> tuple[ca.Function, bool]:
     """Equations with averaged torques, and whether they differ from those without."""
     symbols = model.symbols()

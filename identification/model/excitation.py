@@ -6,7 +6,7 @@ measured current and speed, with which the simulation is compared.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -21,7 +21,7 @@ from identification.model.logged_voltage import smooth_voltage
 from identification.model.unlogged import RAMP
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = ["Record", "records_of", "squares_of"]
+__all__ = ["Record", "records_of", "sample_interval", "squares_of"]
 
 _MANY: Final = 10
 """Edges lose their weight only in records longer than this multiple of them."""
@@ -116,26 +116,25 @@ class Record:
     def with_smooth_voltage(self) -> Record:
         """The record with the noise of its voltage removed."""
         smooth, left = smooth_voltage(self.column("voltage"))
-        return replace(self._driven_by(smooth), voltage_noise=left)
+        return replace(self.with_inputs(_voltage_columns(smooth)), voltage_noise=left)
 
     def with_voltage_noise(self) -> Record:
         """The record with as much noise added to its voltage as is left in it."""
         if self.voltage_noise is None:
             return self
-        return self._driven_by(self.column("voltage") + self.voltage_noise)
+        return self.with_inputs(_voltage_columns(self.column("voltage") + self.voltage_noise))
 
-    def _driven_by(self, voltage: Array) -> Record:
+    def with_inputs(self, columns: Mapping[str, Array]) -> Record:
+        """The record with other inputs (n_sample,) by name."""
         inputs = self.inputs.copy()
-        for name, column in _voltage_columns(voltage).items():
+        for name, column in columns.items():
             inputs[:, INPUTS.index(name)] = column
         return replace(self, inputs=inputs)
 
     def with_angle(self, angle: Array) -> Record:
         """The record with another angle, (n_sample,) [rad]."""
-        inputs = self.inputs.copy()
-        for name, column in _angle_columns(angle).items():
-            inputs[:, INPUTS.index(name)] = column
-        return replace(self, inputs=inputs, raw_angle=self.integrated.copy())
+        turned = self.with_inputs(_angle_columns(angle))
+        return replace(turned, raw_angle=self.integrated.copy())
 
     def within(self, edges: tuple[tuple[int, int], tuple[int, int]]) -> Record:
         """Remove the weight of the edge samples and scale up the other weights to the same sum.
@@ -242,6 +241,11 @@ def _record(
         measured=np.column_stack([run.current[span], speed]), weight=weight,
         angle_logged=run.position is not None, duration=float(time[-1] - time[0]),
     )  # fmt: skip
+
+
+def sample_interval(records: Sequence[Record]) -> float:
+    """Median sample interval of all records [s]."""
+    return float(np.median(np.concatenate([record.inputs[:-1, 0] for record in records])))
 
 
 def squares_of(records: Sequence[Record], differences: Sequence[Array]) -> Array:

@@ -58,7 +58,6 @@ _FINEST, _MOST_ROWS = 4096, 2**21
 _FINER: Final = 8.0
 _ATTEMPTS: Final = 3
 _ROUNDS: Final = 6
-_STRUCTURES: Final = 128
 
 
 def initial_states(model: MotorModel, record: Record) -> Array:
@@ -332,12 +331,12 @@ class Simulator:
         return sampled(scan, self.inputs, self.first_rows, values, carries)
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache
 def _logged_scan(model: MotorModel, plan: StepPlan, effort: Effort) -> Scan:
     return scan_of(step_function(model, plan), effort=effort)
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache
 def _states_scan(model: MotorModel, plan: StepPlan) -> Scan:
     x, u, p = model.symbols()
     return scan_of(

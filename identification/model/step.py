@@ -29,7 +29,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from typing import Final
 
 import casadi as ca
 
@@ -40,10 +39,8 @@ from identification.model.term import Expression
 
 __all__ = ["advance", "step_function", "transition_functions"]
 
-_STRUCTURES: Final = 128
 
-
-@lru_cache(_STRUCTURES)
+@lru_cache
 def step_function(model: MotorModel, plan: StepPlan) -> ca.Function:
     """SX function (carry, inputs, parameter) -> (carry at the next sample, readings at this one).
 
@@ -153,7 +150,7 @@ def _inputs_within(hold: Hold, *, is_averaged: bool = False) -> ca.Function:
     return ca.Function("within", [inputs], [ca.vertcat(*now), ca.vertcat(*slope)])
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache
 def _increments(sparsity: str, plan: StepPlan) -> tuple[ca.Function, ca.Function, ca.Function]:
     """Functions of a prepared matrix, of the increment and of the correction of a step.
 

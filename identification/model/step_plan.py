@@ -31,7 +31,6 @@ Sensors resolve 1e-2 to 1e-5 of the signal; this tolerance keeps the integration
 that, even after accumulation over a time constant."""
 
 _SAMPLED: Final = 100
-_STRUCTURES: Final = 128
 
 _LARGEST_ACTION: Final = 12.0
 """Largest h |A| for which the Taylor series is applied to vectors."""
@@ -120,7 +119,7 @@ def stiffness(
     return largest
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache
 def _jacobian(model: MotorModel) -> ca.Function:
     x, u, p = model.symbols()
     return ca.Function("jacobian", [x, u, p], [ca.densify(ca.jacobian(model.rates(x, u, p), x))])

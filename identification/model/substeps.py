@@ -45,7 +45,6 @@ __all__ = [
 Counts = NDArray[np.int64]
 
 MOST_SUBSTEPS: Final = 64
-_STRUCTURES: Final = 128
 
 
 def evenly(rows: Sequence[int], substeps: int) -> tuple[Counts, ...]:
@@ -81,7 +80,7 @@ def divided(inputs: Array, counts: Counts, hold: Hold) -> Array:
     return rows
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache
 def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
     """Loop that advances in half steps and outputs their difference from the whole step, (2,)."""
     x, u, p = model.symbols()

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
 
 import casadi as ca
 import numpy as np
@@ -27,8 +26,6 @@ from identification.model.step import step_function
 from identification.model.step_plan import StepPlan
 
 __all__ = ["TangentBlock", "tangent", "tangent_blocks"]
-
-_STRUCTURES: Final = 128
 
 
 @dataclass(frozen=True)
@@ -125,7 +122,7 @@ def tangent_blocks(
             yield TangentBlock(k, first - repeated, repeated, own[:, :2, 0], own[:, 2:, :])
 
 
-@lru_cache(_STRUCTURES)
+@lru_cache
 def _tangent_scan(model: MotorModel, plan: StepPlan) -> Scan:
     x, u, p = model.symbols(history_size(model))
     dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())

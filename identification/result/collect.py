@@ -11,6 +11,7 @@ from identification.arrays import Array
 from identification.effects.catalogue import confusions_of
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
+from identification.model.excitation import sample_interval
 from identification.model.printing import printed_equations
 from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
 from identification.result.account import account_of
@@ -175,8 +176,8 @@ def _reasons(findings: Findings) -> dict[str, str]:
     """Why a parameter is not identified, as far as the runs show it."""
     records = findings.campaign.training
     temperature = np.concatenate([r.column("temperature") for r in records])
-    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in records])))
-    values = dict(zip(findings.final.coordinates.names, findings.final.values, strict=True))
+    interval = sample_interval(records)
+    values = findings.final.by_name
     reasons = {}
     if np.ptp(temperature) < 3.0:
         for name in ("alpha_Ra", "alpha_Kt"):

@@ -171,7 +171,7 @@ def _reconsidered(findings: Findings) -> tuple[Findings, list[Finding]]:
     others = [term for term in findings.omitted if not term.parameter]
     known = identified(final, findings.fraction, consider_variances(final, others))
     given = {p.name for p in final.coordinates.parameters if p.origin} - {"Ra25", "Kt25"}
-    values = dict(zip(final.coordinates.names, map(float, final.values), strict=True))
+    values = final.by_name
     deviations = dict(zip(final.coordinates.names, map(float, final.deviations), strict=True))
     trusted = {name: known[name] and name not in given for name in DECLARED_PARAMETERS}
     admission = findings.admission

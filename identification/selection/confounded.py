@@ -34,7 +34,7 @@ Statistics 9 (1938), 60-62 (distribution of the loss).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -158,7 +158,7 @@ def turns_one_way(records: Sequence[Record]) -> bool:
 def _rivals(fit: Fit, policy: SelectionPolicy) -> Iterator[_Rival]:
     """The confounded effects in their textbook forms."""
     scales = scales_of(fit)
-    at = dict(zip(fit.coordinates.names, map(float, fit.values), strict=True))
+    at = fit.by_name
     lag = at["L"] / at["Ra25"]
     delays = [c for c in ChannelDelay.candidates(scales) if c.term.variant == "current"]
     filters = CurrentFilter.candidates(scales)[0], SpeedFilter.candidates(scales)[0]
@@ -213,7 +213,6 @@ def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[Omi
     if rival.swapped is None:
         return
     policy, fraction, whole, part = final.policy, final.fraction, final.fit, parts[-1]
-    here = dict(zip(whole.coordinates.names, whole.values, strict=True))
     for base in parts:
         values = base.values.copy()
         values[base.coordinates.names.index(rival.parameter)] *= policy.remaining_lag
@@ -230,11 +229,11 @@ def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[Omi
             fit = fitted_to(whole.simulator.records, fit, limits)
             loss = fraction * (fit.cost - whole.cost)
         if loss < limit:
-            there = here | dict(zip(fit.coordinates.names, fit.values, strict=True))
-            moved = whole.coordinates.of(np.array([there[name] for name in here]))
+            there = fit.by_name
+            moved = whole.moved_to(there).position
             step = (moved - whole.position) / np.sqrt(max(2.0 * loss, 1.0))
             own = rival.small.term.parameters[0]
-            time = None if own.vanishes else float(there[f"{rival.name}.{own.name}"])
+            time = None if own.vanishes else there[f"{rival.name}.{own.name}"]
             yield final.term(rival, step, -loss, limit, time)
 
 
@@ -249,8 +248,7 @@ def _fitted_from(
     added = refitted_with(base, term, [start], TerminationLimits(0))
     there = dict(zip(base.coordinates.names, values, strict=True))
     there |= {f"{term.name}.{p.name}": x for p, x in zip(term.parameters, own, strict=True)}
-    position = added.coordinates.of(np.array([there[name] for name in added.coordinates.names]))
-    return continued(replace(added, position=position), limits)
+    return continued(added.moved_to(there), limits)
 
 
 def _rows(fit: Fit) -> int:

@@ -139,9 +139,9 @@ class EvaluatedModel:
         """Why the added terms are implausible or the model cannot be computed; empty otherwise."""
         if not self.is_computed:
             return UNCOMPUTED
-        values = dict(zip(self.fit.coordinates.names, self.fit.values, strict=True))
+        values = self.fit.by_name
         for term in effects_of(self.fit.simulator.model.terms):
-            own = {p.name: float(values[f"{term.name}.{p.name}"]) for p in term.parameters}
+            own = {p.name: values[f"{term.name}.{p.name}"] for p in term.parameters}
             # An extended variant has the type of the term it replaces, and can be implausible too.
             if term not in simpler.fit.simulator.model.terms and term.flaw(own):
                 return term.flaw(own)

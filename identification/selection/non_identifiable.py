@@ -133,7 +133,7 @@ def with_linear_parts(fit: Fit) -> Fit:
 
 def _widths(term: AbstractCurve, fit: Fit) -> tuple[float, ...]:
     """Prior standard deviation of each linear part, zero if identifiable [N m] or [V]."""
-    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    values = fit.by_name
     heights = np.array([values[f"unlisted.height_{k}"] for k in range(1, HEIGHTS + 1)])
     columns, regressors = sampled(term, fit.simulator.records)
     size = float(np.sqrt(np.mean((columns @ heights) ** 2)))

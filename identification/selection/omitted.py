@@ -90,7 +90,7 @@ def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
     if largest == 0.0:
         return ()
     slopes = dict(zip(fit.coordinates.names, fit.coordinates.slopes(fit.position), strict=True))
-    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    values = fit.by_name
     powers = {"Ra25": -1.0, "L": -1.0, "J": 1.0, "b": 1.0}
     steps = {
         name: power * largest * float(values[name] / slopes[name]) for name, power in powers.items()

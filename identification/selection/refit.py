@@ -28,7 +28,6 @@ from identification.selection.start import (
 from identification.work import operations
 
 __all__ = [
-    "as_declared",
     "refined",
     "refitted_as",
     "refitted_with",
@@ -116,14 +115,6 @@ def swapped(
     values = zip(rival.coordinates.names, rival.values, strict=True)
     there = Start(np.array([value for name, value in values if name not in known]))
     return refitted_with(bare, new, starts or [there], limits)
-
-
-def as_declared(fit: Fit, declared: Fit) -> Fit:
-    """The fit moved to the nominal values of the parameters that the nominal model has."""
-    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
-    values |= dict(zip(declared.coordinates.names, declared.values, strict=True))
-    position = fit.coordinates.of(np.array([values[name] for name in fit.coordinates.names]))
-    return replace(fit, position=position)
 
 
 def with_known_amplitudes(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:

@@ -143,7 +143,7 @@ def _steps(simulator: Simulator) -> int:
 
 def _extended(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) -> Point:
     """Optimum of the fit, extended by the values of a start."""
-    here = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    here = fit.by_name
     new = [name for name in coordinates.names if name not in here]
     here |= dict(zip(new, start.values, strict=True))
     states = [_states(fit, model, k) for k in range(len(fit.simulator.records))]
@@ -175,7 +175,7 @@ def _shortened(
 
 def traded(fit: Fit, candidate: Candidate) -> list[Start]:
     """Starts at which parameters of the fit return what they had absorbed of the candidate."""
-    values = dict(zip(fit.coordinates.names, fit.values, strict=True))
+    values = fit.by_name
     found = []
     for start, factors in candidate.traded:
         after = np.array([values[name] * factors.get(name, 1.0) for name in values])

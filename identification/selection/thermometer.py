@@ -27,7 +27,6 @@ from identification.arrays import Array
 from identification.fit.optimum_shift import optimum_shifts
 from identification.fit.solve import Fit
 from identification.linear import root, solution
-from identification.model.composite import INPUTS
 from identification.model.excitation import Record
 from identification.model.term import AbstractTemperature
 from identification.selection.omitted import OmittedTerm
@@ -88,11 +87,9 @@ def _with_error(record: Record, order: int) -> Record:
     shares = 1.0 / (2.0 * np.arange(_ORDERS) + 1.0)
     series = np.eye(_ORDERS)[order] * record.resolution / np.sqrt(12.0 * shares.sum())
     error = legendre.legval(where, series)
-    inputs = record.inputs.copy()
-    for name, change in (
-        ("temperature", error),
-        ("temperature_next", np.append(error[1:], error[-1])),
-        ("temperature_rate", legendre.legval(where, legendre.legder(series)) * 2.0 / span),
-    ):
-        inputs[:, INPUTS.index(name)] += change
-    return replace(record, inputs=inputs)
+    changes = {
+        "temperature": error,
+        "temperature_next": np.append(error[1:], error[-1]),
+        "temperature_rate": legendre.legval(where, legendre.legder(series)) * 2.0 / span,
+    }
+    return record.with_inputs({k: record.column(k) + change for k, change in changes.items()})

@@ -15,6 +15,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.fit.solve import Fit
+from identification.model.excitation import sample_interval
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.scales import scales_of
 from identification.selection.score import Score, gathered
@@ -78,7 +79,7 @@ def _peaks(fit: Fit) -> tuple[float, ...]:
     records = fit.simulator.records
     pairs = list(zip(records, fit.equations.logged, strict=True))
     longest = max(pairs, key=lambda pair: pair[0].rows)[0]
-    interval = float(np.median(longest.inputs[:-1, 0]))
+    interval = sample_interval([longest])
     length = 2 * longest.rows
     found: list[float] = []
     for channel in range(2):

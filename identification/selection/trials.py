@@ -24,7 +24,6 @@ from identification.selection.evidence import EvaluatedModel, evaluated
 from identification.selection.omitted import OmittedTerm, omitted_terms
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import (
-    as_declared,
     refined,
     refitted_as,
     refitted_with,
@@ -128,8 +127,8 @@ class Trials:
             fit = refitted_without(current.fit, term.name, limits)
             if not np.isfinite(fit.cost):
                 # Without the term the simulation diverges; restart from the nominal parameters.
-                declared = self._evaluated[frozenset()].fit
-                fit = refitted_without(as_declared(current.fit, declared), term.name, limits)
+                nominal = current.fit.moved_to(self._evaluated[frozenset()].fit.by_name)
+                fit = refitted_without(nominal, term.name, limits)
             known = self.evaluate(
                 refined(fit, limits, self.policy) if np.isfinite(fit.cost) else fit
             )

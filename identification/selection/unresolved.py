@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.fit.solve import Fit, TerminationLimits, solve
+from identification.model.excitation import sample_interval
 from identification.model.parameter import Coordinates
 from identification.selection.omitted import OmittedTerm
 from identification.selection.policy import DEFAULT, SelectionPolicy
@@ -28,8 +29,7 @@ def unresolved_transients(
     fit: Fit, fraction: float, policy: SelectionPolicy = DEFAULT
 ) -> tuple[OmittedTerm, ...]:
     """Parameter changes to a motor with a tenth of the inductance, unless the runs exclude it."""
-    at = dict(zip(fit.coordinates.names, map(float, fit.values), strict=True))
-    interval = float(np.median(np.concatenate([r.inputs[:-1, 0] for r in fit.simulator.records])))
+    at, interval = fit.by_name, sample_interval(fit.simulator.records)
     slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
     row = fit.coordinates.names.index("L")
     if slow >= interval or fit.coordinates.parameters[row].origin:

@@ -129,8 +129,8 @@ def test_the_traces_are_mean_and_deviation_of_the_dense_posterior(
         moved = gain @ targets[:, 1:]
         spread = prior - gain @ cross.T + moved @ covariance @ moved.T
         deviations = np.sqrt(np.diag(spread)).reshape(-1, 2)
-        np.testing.assert_allclose(trace.mean, mean.reshape(-1, 2) * deviation.scale, rtol=1e-5)
-        np.testing.assert_allclose(trace.deviation, deviations * deviation.scale, rtol=1e-5)
+        np.testing.assert_allclose(trace[:, :2], mean.reshape(-1, 2) * deviation.scale, rtol=1e-5)
+        np.testing.assert_allclose(trace[:, 2:], deviations * deviation.scale, rtol=1e-5)
 
 
 def test_surprises_are_leave_one_out_residuals() -> None:
