@@ -50,14 +50,11 @@ def maximise(
     bounds: tuple[Array, Array],
     rival: float | None = None,
 ) -> tuple[Array, float]:
-    """Point (n,) and value of the maximum of a function within bounds.
+    """Point (n,) and value of the maximum of a function within bounds, from a start (n,).
 
-    Args:
-        valued: The function, scaled so that a difference of 1 matters and 0.01 does not.
-        start: (n,) starting point.
-        bounds: (n,) lower and (n,) upper bounds; equal for a fixed coordinate.
-        rival: Value to compare the maximum with.  The iteration ends once it has reached this value
-            or is sure to stay far below it.
+    The function is scaled so that a difference of 1 matters and 0.01 does not.  The bounds (n,) are
+    equal for a fixed coordinate.  The iteration also ends once it has reached the value of a rival
+    or is sure to stay far below it.
     """
     lower, upper = bounds
     point = np.clip(start, lower, upper)

@@ -69,7 +69,7 @@ class Whiteness:
 def autocorrelation(
     residuals: Sequence[Array], max_lag: int | None = None, level: float = LEVEL
 ) -> Correlation:
-    """Autocorrelation of a residual.
+    """Autocorrelation of a residual at the lags 1 to `max_lag`, from one array (n_sample,) per run.
 
         r(k) = sum_t e(t) e(t-k) / sum_t e(t)^2
 
@@ -77,13 +77,8 @@ def autocorrelation(
     run, (n - k) / (n (n + 2)).  For several runs it is combined from their variances, since they
     differ in length and noise.
 
-    Args:
-        residuals: One array (n_sample,) per run, any unit.
-        max_lag: Last lag [samples]; by default 60, or a quarter of the longest run if that is less.
-        level: Probability that one lag stays inside the band [-].
-
-    Returns:
-        Lags 1 to `max_lag`.
+    By default the last lag is 60 samples, or a quarter of the longest run if that is less; `level`
+    is the probability that one lag stays inside the band [-].
     """
     runs = _checked(residuals)
     lag = _max_lag(runs, max_lag)
@@ -114,14 +109,8 @@ def cross_correlation(
     however, would accumulate over thousands of lags.  An autoregression therefore gives rho_e, and
     the sum is computed as an integral of the two spectra, which cannot become negative.
 
-    Args:
-        residuals: One array (n_sample,) per run, any unit.
-        signals: The input of the same runs, (n_sample,) each; its mean is subtracted run by run.
-        max_lag: Last lag [samples]; by default 60, or a quarter of the longest run if that is less.
-        level: Probability that one lag stays inside the band [-].
-
-    Returns:
-        Lags ``-max_lag`` to ``max_lag``.
+    Residual and input are one array (n_sample,) per run; the mean of the input is subtracted run by
+    run.  Lags and level are those of `autocorrelation`.
 
     Raises:
         ValueError: Residuals and signals differ in number or length.
@@ -148,21 +137,15 @@ def cross_correlation(
 
 
 def whiteness(residuals: Sequence[Array], lags: int | None = None) -> Whiteness:
-    """Portmanteau test of the whiteness of a residual (Ljung and Box).
+    """Portmanteau test of the whiteness of a residual (Ljung and Box), one array per run.
 
         Q = sum_k r(k)^2 / var r(k),   chi-squared with as many degrees of freedom as lags
 
     For one run this is the Ljung-Box statistic.  For several runs the correlation is pooled first:
     this detects a weak autocorrelation that all runs share, which the sum of the statistics of
     single runs would hide.  No degree of freedom is subtracted, since a simulation error has no
-    parameters of a noise model.
-
-    Args:
-        residuals: One array (n_sample,) per run, any unit.
-        lags: Number of lags; by default 20, or a quarter of the longest run if that is less.
-
-    Returns:
-        Statistic and p value; p is 1 for a residual that is zero throughout.
+    parameters of a noise model.  By default there are 20 lags, or a quarter of the longest run if
+    that is less.  For a residual that is zero throughout, p is 1.
 
     Source:
         G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297-303.

@@ -27,17 +27,10 @@ class Errors:
 
 
 def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Errors:
-    """Simulation error of several runs together.
+    """RMSE and NRMSE over all samples of several runs, one array (n_sample,) per run.
 
     Squares are summed over the runs.  The variance of each run is taken about its own mean, so that
     the difference between two steady speeds does not improve the NRMSE.
-
-    Args:
-        residuals: One array (n_sample,) per run, measured minus simulated.
-        measured: The channel of the same runs, in the same unit.
-
-    Returns:
-        RMSE and NRMSE over all samples.
 
     Raises:
         ValueError: There are no samples.

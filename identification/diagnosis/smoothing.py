@@ -51,13 +51,8 @@ def auxiliary_residuals(
 
     An auxiliary residual is the difference of a sample from its prediction by all other samples.  A
     sensor outlier is far from both its past and its future, a jump of the motor from only one of
-    them.  Innovations, which use the past only, would confuse the two.
-
-    Args:
-        deviation: The linear model.
-        pieces: Records or segments of them.
-        hyper: (n_hyper, 1) hyperparameters, see `HYPER`.
-        known: Posterior of the parameters.
+    them.  Innovations, which use the past only, would confuse the two.  The arguments are those of
+    `smoothed_disturbances`.
 
     Source:
         Harvey, Koopman, J. Business & Economic Statistics 10 (1992) 377-389 (auxiliary residuals).

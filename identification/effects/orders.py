@@ -39,15 +39,11 @@ exp(-16 log 2) = 1.5e-5 per bin."""
 def orders_of(
     records: Sequence[Record], residuals: Sequence[Array], highest: float
 ) -> tuple[float, ...]:
-    """Most prominent orders of the residual of either channel, ascending.
+    """Most prominent orders of the residual of either channel up to the highest, ascending [-].
 
     No order is returned if every record is shorter than two revolutions, or if the spectrum would
-    exceed 2^22 bins.
-
-    Args:
-        records: The records, with the angle among their inputs.
-        residuals: For each record (n_sample, 2) measured minus simulated [A, rad/s].
-        highest: Highest order that is searched [-].
+    exceed 2^22 bins.  The residual of each record is (n_sample, 2) measured minus simulated [A,
+    rad/s].
     """
     angles = [record.column("angle") for record in records]
     spans = [float(np.ptp(angle)) for angle in angles]

@@ -61,19 +61,12 @@ class Derivatives:
 def products(
     residual: Array, tangent: Array, weighting: Weighting, k: int, start: int = 0, lead: int = 0
 ) -> tuple[Array, Array]:
-    """J'WJ and J'Wr of a record or of one block of it.
+    """J'WJ and J'Wr of a record or of one block of it, in the order of the directions.
 
-    Args:
-        residual: (n_sample, 2) measured minus simulated [A, rad/s].
-        tangent: (n_sample, 2, n_direction) sensitivities of the simulated channels.
-        weighting: Noise model with its standard deviations.
-        k: Index of the record.
-        start: Index in the record of the first sample given.
-        lead: Leading samples that only start the whitening filter; the previous block counts them.
-
-    Returns:
-        (n_direction, n_direction) and (n_direction,), in the order of the directions; not finite if
-        the model diverges.
+    The residual is (n_sample, 2) measured minus simulated [A, rad/s], the tangent (n_sample, 2,
+    n_direction).  A block of record `k` begins at sample `start`; its `lead` first samples only
+    start the whitening filter, since the previous block counts them.  The products are not finite
+    if the model diverges.
     """
     size = tangent.shape[2]
     full, right = np.zeros((size, size)), np.zeros(size)

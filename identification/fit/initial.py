@@ -43,18 +43,12 @@ _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.0])
 def fitted_initial_states(
     simulator: Simulator, values: Array, deviation: Array, *, whole: bool = False
 ) -> tuple[Array, ...]:
-    """Initial state of every record of `simulator`.
+    """Initial state (n_state,) of every record of `simulator`, with the parameters held.
 
-    Args:
-        simulator: Model and records.
-        values: (n_parameter,) physical values.
-        deviation: (2,) noise of current and speed [A, rad/s].
-        whole: Whether whole records are fitted, as for a phase that the head does not determine.
-            Except for a temperature, the fitted part then grows in steps, since an initial phase
-            error prevents convergence over a whole record.
-
-    Returns:
-        For each record (n_state,).
+    The values are (n_parameter,) physical, the noise of current and speed is (2,) [A, rad/s].
+    Whole records are fitted if `whole`, as for a phase that the head does not determine.  Except
+    for a temperature, the fitted part then grows in steps, since an initial phase error prevents
+    convergence over a whole record.
     """
     states = tuple(initial_states(simulator.model, record) for record in simulator.records)
     for share in _shares(simulator.model, whole):
@@ -65,13 +59,9 @@ def fitted_initial_states(
 def improved_initial_states(
     simulator: Simulator, values: Array, deviation: Array, states: Sequence[Array]
 ) -> tuple[Array, ...]:
-    """Initial state of every record, fitted to the whole record from a close start.
+    """Initial state of every record, fitted to the whole record from a close start, (n_state,).
 
-    Args:
-        simulator: Model and records.
-        values: (n_parameter,) physical values.
-        deviation: (2,) noise of current and speed [A, rad/s].
-        states: For each record (n_state,) start.
+    The other arguments are those of `fitted_initial_states`.
     """
     return _fitted_to_heads(simulator, values, deviation, 1.0, tuple(states))
 

@@ -64,17 +64,11 @@ class NormalEquations:
         return bool(np.isfinite(self.matrix).all() and np.isfinite(self.gradient).all())
 
     def decrement_within(self, position: Array, coordinates: Coordinates) -> float:
-        """Predicted decrease of the cost by a full step of the free parameters; chance gives 1.
+        """Predicted decrease of the cost by a full step of the free parameters; about 1 by chance.
 
-        A parameter at a bound that its step would cross stays there.  A decrease predicted beyond
-        the bound is out of reach.
-
-        Args:
-            position: (n_parameter,) start of the step.
-            coordinates: Bounds.
-
-        Returns:
-            The decrease; infinity if no step can be computed.
+        A parameter at a bound that its step from `position` would cross stays there.  A decrease
+        predicted beyond the bound is out of reach.  If no step can be computed, the decrease is
+        infinite.
 
         Source:
             Projected Newton method by Bertsekas, SIAM J. Control Optim. 20 (1982), 221-246.
@@ -87,15 +81,10 @@ class NormalEquations:
     def steps(
         self, dampings: Array, position: Array, coordinates: Coordinates
     ) -> tuple[Array, list[Array]]:
-        """Levenberg-Marquardt steps of parameters and initial states inside the bounds.
+        """Levenberg-Marquardt steps from `position` inside the bounds.
 
-        Args:
-            dampings: (n_lane,) Levenberg-Marquardt parameters relative to the diagonal [-].
-            position: (n_parameter,) start of the steps.
-            coordinates: Bounds.
-
-        Returns:
-            (n_parameter, n_lane) and for each record (n_state, n_lane).
+        The dampings (n_lane,) are relative to the diagonal [-]; the steps of the parameters are
+        (n_parameter, n_lane), those of the initial states (n_state, n_lane) for each record.
         """
         lanes = np.ones(dampings.size)
         own = [np.outer(gradient, lanes) for gradient in self.state_gradients]
@@ -110,15 +99,10 @@ class NormalEquations:
     ) -> tuple[list[Array], Array]:
         """Second directional derivative of the simulation, projected on the sensitivities.
 
-        Args:
-            directions: For each record (n_parameter + n_state, n_lane) steps.
-            changes: For each record (n_sample, 2, n_lane) simulated channels at `probe` of each
-                step.
-            probe: Fraction of the steps at which `changes` was simulated.
-            weighting: Noise model.
-
-        Returns:
-            For each record (n_parameter + n_state, n_lane), and (n_lane,) whether it is finite.
+        For each record the directions are (n_parameter + n_state, n_lane) steps, the changes
+        (n_sample, 2, n_lane) the channels simulated at the fraction `probe` of each step.  The
+        projections are (n_parameter + n_state, n_lane) for each record; (n_lane,) says whether each
+        is finite.
         """
         rights = [np.zeros(each.shape) for each in directions]
         finite = np.ones(directions[0].shape[1], dtype=bool)
@@ -144,14 +128,8 @@ class NormalEquations:
     ) -> tuple[Array, list[Array]]:
         """Second-order corrections of `steps` along a curved valley (geodesic acceleration).
 
-        Args:
-            dampings: (n_lane,) damping of each step.
-            position: (n_parameter,) start of the steps.
-            coordinates: Bounds.
-            curved: For each record the result of `curved` along each step.
-
-        Returns:
-            As `steps`; zero if the second derivative is not finite.
+        `curved` is the second derivative along each step for each record.  The corrections have the
+        shapes of the steps; they are zero if the second derivative is not finite.
 
         Source:
             Geodesic acceleration by Transtrum and Sethna, arXiv preprint 1201.5885 (2012).
@@ -225,14 +203,9 @@ def normal_equations(
     states: Sequence[Array],
     weighting: Weighting,
 ) -> NormalEquations:
-    """Assemble the normal equations at one point.
+    """Normal equations at a position (n_parameter,) and an initial state (n_state,) of each record.
 
-    Args:
-        simulator: Model and records.
-        coordinates: Map to search coordinates, with priors.
-        position: (n_parameter,) search coordinates.
-        states: For each record (n_state,) initial state.
-        weighting: Noise model with its standard deviations.
+    The coordinates have the priors, the noise model its standard deviations.
     """
     n = position.size
     directions = np.diag(coordinates.slopes(position))

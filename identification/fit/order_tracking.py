@@ -64,14 +64,9 @@ def tracked(
 ) -> tuple[Simulator, tuple[Array, ...]]:
     """Simulator with corrected angles, and initial states with the amplitudes at these angles.
 
-    Args:
-        simulator: Model and records.
-        values: (n_parameter,) physical values.
-        states: For each record (n_state,) initial state.
-        deviation: (2,) noise of current and speed [A, rad/s].
-
-    Returns:
-        Both are unchanged if no term of the model depends on an integrated angle.
+    Both are unchanged if no term of the model depends on an integrated angle.  The values are
+    (n_parameter,) physical, the states (n_state,) for each record, the noise of current and speed
+    is (2,) [A, rad/s].
     """
     term = _tracked_term(simulator)
     found = [state.copy() for state in states]
@@ -140,11 +135,9 @@ def block_products(
 ) -> tuple[Array, Array]:
     """For each block the normal matrix (n_lane, n_lane) and the right-hand side (n_lane,).
 
-    Args:
-        responses: (n_sample, 2, n_lane) in standard deviations of the noise.
-        residual: (n_sample, 2) in standard deviations of the noise.
-        weight: (n_sample, 2) sample weights.
-        edges: (n_block + 1,) first sample of each block, and the number of samples.
+    Responses (n_sample, 2, n_lane) and residual (n_sample, 2) are in standard deviations of the
+    noise, weights are (n_sample, 2); the edges (n_block + 1,) are the first samples of the blocks
+    and the number of samples.
     """
     weighted = responses * weight[:, :, None]
     matrix = np.einsum("nci,ncj->nij", weighted, responses)
@@ -213,15 +206,8 @@ def _acquired(
 ) -> tuple[Array, Array]:
     """First path of a record, from the phases of coarse blocks, and the amplitudes at it.
 
-    Args:
-        record: The record, its angle not yet corrected.
-        series: Its residual and responses.
-        amplitudes: (2,) present amplitudes of sine and cosine [N m].
-        size: Their scale [N m].
-        track: Order and drift.
-
-    Returns:
-        Phase correction (n_sample,) [rad], and (2,) amplitudes [N m].
+    The present amplitudes of sine and cosine are (2,) [N m], `size` is their scale.  The path is
+    the phase correction (n_sample,) [rad].
     """
     edges = _edges(record, track.walk, _COARSE)
     matrix, right = series.blocks(edges, slice(2))
@@ -244,13 +230,7 @@ def _acquired(
 
 
 def _improved(record: Record, series: _Series, track: _Track) -> Array:
-    """Path (n_sample,) after a Gauss-Newton step from the present one, with fine blocks [rad].
-
-    Args:
-        record: The record, its angle already corrected.
-        series: Its residual and responses.
-        track: Order and drift.
-    """
+    """Path (n_sample,) after a Gauss-Newton step from the present one, with fine blocks [rad]."""
     edges = _edges(record, track.walk * track.harmonics**2, _FINE)
     matrix, right = series.blocks(edges, slice(2, 3))
     precision = matrix[:, 0, 0]

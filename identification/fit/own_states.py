@@ -42,14 +42,9 @@ def amplitude_sizes(fit: Fit) -> dict[str, float]:
     """Prior standard deviation of the per-record amplitudes of each term, one step of iteration.
 
     With g = sum(1 - variance / size^2), the number of amplitudes that the runs determine, the size
-    becomes the root of the sum of squares over g.  A fixed point maximises the evidence.
-
-    Args:
-        fit: Fit at its optimum, with the present sizes.
-
-    Returns:
-        By the name of the term, in the unit of its amplitudes; the present size if the runs
-        determine less than one amplitude.
+    becomes the root of the sum of squares over g, by the name of the term, in the unit of its
+    amplitudes.  A fixed point maximises the evidence.  If the runs determine less than one
+    amplitude, the present size remains.
     """
     sizes: dict[str, float] = {}
     variances = _variances(fit)

@@ -26,15 +26,12 @@ _MAY_VANISH: Final = ("b", "L")
 
 
 def scaled_coordinates(parameters: Sequence[Parameter], values: Array) -> Coordinates:
-    """Search coordinates of a model's parameters, scaled by starting values.
+    """Search coordinates of a model's parameters, scaled by starting values (n_parameter,).
 
     Runs determine ratios and products best (b/J, Kt^2/Ra).  If single factors are less certain, the
     cost has a valley that is straight in logarithms and curved in the quantities themselves.  All
-    positive quantities are therefore searched in logarithms.
-
-    Args:
-        parameters: Parameters of the model, the nominal ones first.
-        values: (n_parameter,) starting values of the right order of magnitude.
+    positive quantities are therefore searched in logarithms.  The values need the right order of
+    magnitude.
     """
     scaled = []
     for parameter, value in zip(parameters, values, strict=True):
@@ -58,12 +55,8 @@ def linear_where_uncertain(
     """Search coordinates with b and L linear if the data do not exclude zero.
 
     Near zero a logarithm diverges without any change of the likelihood.  A linear coordinate with a
-    bound at zero has a truncated normal posterior.
-
-    Args:
-        coordinates: Coordinates of a fit.
-        values: (n_parameter,) physical values at the optimum.
-        deviations: (n_parameter,) their standard deviations [unit].
+    bound at zero has a truncated normal posterior.  The values at the optimum of a fit are
+    (n_parameter,) physical, as are their standard deviations.
     """
     ra, kt = float(values[0]), float(values[2])
     changed = []

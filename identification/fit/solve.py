@@ -170,6 +170,9 @@ def solve(
 ) -> Fit:
     """Fit parameters and initial states, with a step plan that suits the optimum.
 
+    If `converged` is False, the fit stopped before the optimum; the cost is infinite if the model
+    cannot be simulated from the start.
+
     Args:
         simulator: Model and records.
         coordinates: Map to search coordinates, with bounds and priors.
@@ -177,10 +180,6 @@ def solve(
         states: Initial states to start from; taken from the first samples if absent.
         weighting: Noise model; white with unknown deviations if absent.
         limits: Termination limits, of each optimisation.
-
-    Returns:
-        The optimum; `converged` is False if the fit stopped before it.  The cost is infinite if the
-        model cannot be simulated from the start.
     """
     fit = optimised(simulator, coordinates, position, states, weighting, limits)
     return renewed(fit, limits)
@@ -269,13 +268,8 @@ def _trials(
     that of a speed which friction stops at once has hardly a derivative, so that its step leaves
     the range in which friction is linear.
 
-    Args:
-        equations: Normal equations at the start.
-        coordinates: Bounds.
-        start: (n_parameter,) search coordinates and for each record (n_state,) initial state.
-        expected: Cost at the start, and its predicted decrease by a full step.
-        weighting: Noise model.
-        ladder: (n_lane,) damping parameters.
+    The start has search coordinates (n_parameter,) and for each record an initial state (n_state,);
+    `expected` is its cost, and the predicted decrease by a full step; the ladder is (n_lane,).
     """
     simulator, (at, x0), (cost, decrement) = equations.derivatives.simulator, start, expected
     steps, moves = equations.steps(ladder, at, coordinates)

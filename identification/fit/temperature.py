@@ -69,12 +69,8 @@ def with_own_temperatures(
 ) -> tuple[Record, ...]:
     """Records with a fitted temperature where none was logged, one per run.
 
-    Args:
-        model: The model.
-        values: (n_parameter,) physical values, held.
-        records: Validation records.
-        deviation: (2,) noise of current and speed [A, rad/s].
-        whole: Whether initial states are fitted to whole records, as an unknown phase requires.
+    The values are (n_parameter,) physical and held, the noise of current and speed is (2,) [A,
+    rad/s].  Initial states are fitted to whole records if `whole`, as an unknown phase requires.
     """
     if model.unlogged.is_relative and len(model.unlogged.runs) == 1:
         # A single training run without a log gives no reference; a temperature fitted here would
@@ -149,16 +145,11 @@ def estimated_temperatures(fit: Fit, unseen: Sequence[Record]) -> dict[str, floa
 
 
 def with_scale_drawn(draws: dict[str, Array], fit: Fit, seed: int) -> dict[str, Array]:
-    """Draws with alpha_Ra, if it was held, replaced by draws from its prior.
+    """Draws by name with alpha_Ra, if it was held, replaced by draws from its prior.
 
     Without a span of logged temperatures, the runs determine the ratio of the two temperature
     coefficients, not their size.  Resistance and torque constant at the expected temperature stay
     unchanged.  A coefficient that the user knows was not held, and its draws are unchanged.
-
-    Args:
-        draws: Draws by name, all of one shape.
-        fit: Fit that the draws belong to.
-        seed: Seed of the coefficient.
     """
     unlogged = fit.simulator.model.unlogged
     held = fit.coordinates.parameters[fit.coordinates.names.index("alpha_Ra")]

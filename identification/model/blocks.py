@@ -38,15 +38,9 @@ def blocks(
 
 
 def stretch(inputs: Array, first_rows: Index | None, samples: slice) -> tuple[Array, Index | None]:
-    """Inputs of a range of samples of one record, and the row index of each sample.
+    """Inputs (n_row, n_input) of some samples of one record, and the row index of each sample.
 
-    Args:
-        inputs: (n_row, n_input) of the record.
-        first_rows: (n_sample,) row index of each sample; None if every row is a sample.
-        samples: The range.
-
-    Returns:
-        (n_row, n_input), and (n_sample,) row indices, None if every row is a sample.
+    The row indices (n_sample,), given and returned, are None if every row is a sample.
     """
     if first_rows is None:
         return inputs[samples], None
@@ -64,12 +58,9 @@ def sampled(
 ) -> list[Array]:
     """Outputs of a loop at the samples of each record, (n_sample, n_output, n_lane).
 
-    Args:
-        scan: The loop.
-        inputs: For each record (n_row, n_input).
-        first_rows: For each record (n_sample,) row indices; None if every row is a sample.
-        values: (n_parameter, n_lane).
-        carries: For each record the carry before the first row, (n_carry, n_lane).
+    Each record has inputs (n_row, n_input), the row index of each sample (n_sample,), unless every
+    row is a sample, and a carry before the first row (n_carry, n_lane); `values` is (n_parameter,
+    n_lane).
     """
     if first_rows is None:
         return scan(inputs, values, carries)[1]
@@ -89,13 +80,8 @@ def sampled(
 def single(scan: Scan, inputs: Array, values: Array, carry: Array) -> Array:
     """Outputs of a loop of one lane, (n_row, n_output), of one record.
 
-    A pass writes whole blocks of lanes, so the rows are passed in short blocks.
-
-    Args:
-        scan: The loop.
-        inputs: (n_row, n_input).
-        values: (n_parameter, 1).
-        carry: Carry before the first row, (n_carry, 1).
+    A pass writes whole blocks of lanes, so the rows are passed in short blocks.  Inputs are (n_row,
+    n_input), values (n_parameter, 1), the carry before the first row (n_carry, 1).
     """
     found = np.empty((inputs.shape[0], scan.n_output))
     for first in range(0, inputs.shape[0], BLOCK // LANES):

@@ -156,17 +156,10 @@ class MotorModel:
         *,
         is_averaged: bool = False,
     ) -> Expression:
-        """Right-hand side dx/dt of the state equations.
+        """Right-hand side dx/dt of the state equations, (n_state,), from `symbols`.
 
-        Args:
-            state: (n_state,) symbols.
-            inputs: (n_input,) symbols in the order of `INPUTS`.
-            parameter: (n_parameter,) symbols.
-            is_averaged: Whether torques periodic in the angle are averages over the integration
-                step, in which the angle changes by `turn`.
-
-        Returns:
-            (n_state,) time derivatives.
+        With `is_averaged`, torques periodic in the angle are averages over the integration step, in
+        which the angle changes by `turn`.
         """
         return _equations_of(self, is_averaged)(state, inputs, parameter)[0]
 

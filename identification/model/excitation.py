@@ -140,10 +140,8 @@ class Record:
         """Remove the weight of the edge samples and scale up the other weights to the same sum.
 
         This makes models with delays or averages, which cannot predict the edges, comparable with
-        other models.  A record that is not much longer than its edges keeps them.
-
-        Args:
-            edges: For each channel the number of samples at the start and at the end.
+        other models.  A record that is not much longer than its edges, the numbers of samples at
+        start and end of each channel, keeps them.
         """
         whole = self.weight if self.whole is None else self.whole
         if not any(any(pair) for pair in edges):
@@ -169,11 +167,9 @@ def records_of(
 ) -> list[Record]:
     """Records of the runs, in the order of recording.
 
-    Args:
-        runs: The runs.
-        first: Index of the first run, if other runs were recorded before.
-        hottest: Highest temperature logged in those earlier runs [degC].
-        expected: Expected temperature of runs without a logged one [degC].
+    If other runs were recorded before, `first` is the index of the first run and `hottest` the
+    highest temperature logged until then [degC]; `expected` is that of runs without a logged one
+    [degC].
     """
     records: list[Record] = []
     peak = hottest

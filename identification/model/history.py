@@ -32,14 +32,9 @@ def history_size(model: MotorModel) -> int:
 
 
 def initial_history(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.float64]:
-    """History before the first sample, as if the channels had been constant.
+    """History (n_history,) before the first sample, as if the channels had been constant.
 
-    Args:
-        model: The model.
-        logged: (2,) current and speed at the first sample [A, rad/s].
-
-    Returns:
-        (n_history,)
+    `logged` (2,) is current and speed at the first sample [A, rad/s].
     """
     parts = [np.array([logged[channel], 0.0, logged[channel], 0.0]) for channel in model.averaged]
     parts += [
@@ -65,17 +60,10 @@ def updated_history(
 ) -> tuple[Expression, Expression]:
     """Update the history over one substep; return it with the delayed and averaged readings.
 
-    Args:
-        model: The model.
-        states: (n_state,) at the start and (n_state + n_averaged,) at the end of the substep; the
-            latter ends with the integrals of the averaged channels over the substep.
-        history: (n_history,) history at the start of the substep.
-        inputs: Inputs at the start and at the end of the substep.
-        parameter: (n_parameter,).
-        logged: (2,) readings at the start without averaging and delay.
-
-    Returns:
-        History (n_history,) at the end of the substep, and readings (2,) at its start.
+    The states are (n_state,) at the start and (n_state + n_averaged,) at the end of the substep;
+    the latter end with the integrals of the averaged channels over the substep.  The inputs are
+    those at both.  History (n_history,) and readings (2,), without averaging and delay, are given
+    at the start; the history is returned at the end.
     """
     index, count = (inputs[0][INPUTS.index(name)] for name in ("substep", "substeps"))
     begins, ends = index < 0.5, index > count - 1.5

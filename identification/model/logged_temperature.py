@@ -85,10 +85,7 @@ def _median_error(values: Array) -> float:
 def _smooth_stretch(clock: Array, logged: Array, quantum: float) -> Array:
     """Smoothed temperature of a stretch without jumps.
 
-    Args:
-        clock: (n_sample,) [s].
-        logged: (n_sample,) [degC].
-        quantum: Quantisation step of the logger [K].
+    Clock [s] and log [degC] are (n_sample,); `quantum` is the quantisation step of the logger [K].
     """
     edges, mean, within = _spans(logged)
     time = np.add.reduceat(clock, edges[:-1]) / np.diff(edges)

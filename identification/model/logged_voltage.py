@@ -35,14 +35,9 @@ def smooth_voltage(logged: Array) -> tuple[Array, Array]:
     """Logged voltage without white noise, by Whittaker smoothing between jumps, and its noise.
 
     Generalised cross-validation chooses one penalty for the whole series.  A voltage without noise
-    is returned unchanged: all of its changes are jumps, or the smallest penalty is chosen.
-
-    Args:
-        logged: (n_sample,) [V].
-
-    Returns:
-        The smoothed voltage, and a random series with the distribution of the noise that the
-        smoother leaves in it, both (n_sample,) [V].
+    is returned unchanged: all of its changes are jumps, or the smallest penalty is chosen.  The
+    second series is random, with the distribution of the noise that the smoother leaves in the
+    first.  All are (n_sample,) [V].
 
     Source: Eilers, Analytical Chemistry 75 (2003), 3631-3636.
     """
@@ -67,9 +62,7 @@ def smooth_voltage(logged: Array) -> tuple[Array, Array]:
 def _cross_validated(logged: Array, kept: NDArray[np.bool_]) -> tuple[Array, float, float]:
     """Smoothed series, the penalty of generalised cross-validation, and the size of the noise [V].
 
-    Args:
-        logged: (n_sample,) [V].
-        kept: (n_sample - 2,) second differences that are penalised.
+    The second differences with `kept` (n_sample - 2,) are penalised.
     """
     # Each run of n penalised differences joins n + 2 samples; all other samples stand alone.
     ends = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(int)))
@@ -112,9 +105,7 @@ def _jumps(logged: Array) -> list[int]:
 def _whittaker(series: Array, stiffness: Array) -> Array:
     """Series x with the least |y - x|^2 + sum of stiffness (D x)^2, D the second difference.
 
-    Args:
-        series: (n_sample,) y.
-        stiffness: (n_sample - 2,), zero across a jump.
+    The series y is (n_sample,), the stiffness (n_sample - 2,), zero across a jump.
     """
     # Upper bands of D' diag(stiffness) D + 1, from the rows (1, -2, 1) of D.
     bands = np.zeros((3, series.size))

@@ -19,15 +19,10 @@ Level = Literal[0, 2]
 
 
 def compiled(text: Callable[[], str], level: Level, key: str | None) -> bytes:
-    """Object code from the cache on disk, or compiled and kept there.
+    """Object code from the cache on disk, or compiled and kept there; without a key not kept.
 
     CasADi's list has no dead and few repeated operations, so LLVM's passes over the text would
     double the compile time without faster code.
-
-    Args:
-        text: Function that returns the LLVM module.
-        level: Level of code generation.
-        key: Key in the cache; None for no caching.
     """
     code = kept(key) if key else None
     if code is None:

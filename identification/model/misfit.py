@@ -52,11 +52,9 @@ class MisfitLoop:
     ) -> Array:
         """Input rows of the loop, (n_row, n_column).
 
-        Args:
-            inputs: (n_row, n_input).
-            measured: (n_sample, 2).
-            weights: (n_sample, 2); ignored if the loop is not weighted.
-            counts: (n_sample,) rows of each sample interval; None for one each.
+        The inputs are (n_row, n_input), measured channels and weights (n_sample, 2), `counts` the
+        rows of each sample interval (n_sample,); the weights are ignored if the loop is not
+        weighted.
         """
         compared = np.column_stack([measured, weights]) if self.weighted else measured
         if counts is None:
@@ -79,15 +77,8 @@ def compared(
 
     The state transition is interpolated for the nominal model without substeps, if all records are
     sampled uniformly and their smoothed temperature is nearly linear between the computed
-    transitions.
-
-    Args:
-        model: The model.
-        plan: Step plan.
-        records: Records that drive the model.
-        inputs: For each record (n_row, n_input).
-        substeps: For each record (n_sample,) rows of each sample interval; None for one each.
-        weighting: Noise model.
+    transitions.  The inputs of a record are (n_row, n_input), the substeps of its intervals
+    (n_sample,).
     """
     weights = [weighting.sample_weights(k) for k in range(len(records))]
     is_plain = not model.terms and substeps is None
@@ -115,15 +106,10 @@ def misfit_loop(
     interpolated: bool,
     divided: bool = False,
 ) -> MisfitLoop:
-    """Compile the misfit loop for one set of whitening filters.
+    """Compile the misfit loop for the taps of the whitening filter of each channel.
 
-    Args:
-        model: The model.
-        plan: Step plan.
-        whitening: Coefficients of the whitening filter of each channel.
-        weighted: Whether samples have weights.
-        interpolated: Whether the transition is interpolated; for the nominal model only.
-        divided: Whether sample intervals have substeps.
+    The transition is interpolated for the nominal model only; `weighted` says whether samples have
+    weights, `divided` whether sample intervals have substeps.
     """
     columns, advancing, prepare = _reduced(model, plan, interpolated)
     x = ca.SX.sym("x", advancing.numel_in(0))

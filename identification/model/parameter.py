@@ -55,11 +55,7 @@ class Parameter:
 
 
 class Coordinates:
-    """Map between physical values and search coordinates of a list of parameters.
-
-    Args:
-        parameters: Parameters in the order of all vectors passed to this map.
-    """
+    """Map between physical values and search coordinates of parameters, in the given order."""
 
     def __init__(self, parameters: Sequence[Parameter]) -> None:
         self.parameters = tuple(parameters)

@@ -11,13 +11,9 @@ __all__ = ["values_at"]
 
 
 def values_at(function: ca.Function, *points: Array) -> Array:
-    """Values of a function with one dense output at every point, (n_point, n_out).
+    """Values (n_point, n_out) of a function with one dense output at points (n_point, n_in).
 
     Uses buffers, since the conversion of arrays to CasADi matrices would dominate the run time.
-
-    Args:
-        function: The function.
-        points: For each argument (n_point, n_in).
     """
     given = [np.ascontiguousarray(each, dtype=np.float64) for each in points]
     found = np.empty((given[0].shape[0], function.numel_out(0)))

@@ -39,14 +39,10 @@ _ATOM, _POWER, _PRODUCT, _SUM, _RELATION = 4, 3, 2, 1, 0
 
 
 def printed_equations(model: MotorModel) -> dict[str, str]:
-    """State equations, and the sensor equations that differ from the state itself.
+    """State equations, and the sensor equations that differ from the state itself, as MathML.
 
-    Args:
-        model: The model.
-
-    Returns:
-        Left-hand side, such as ``di/dt`` or ``logged current``, to one equation in MathML; or to
-        words, where a channel is averaged or delayed.
+    By left-hand side, such as ``di/dt`` or ``logged current``; in words where a channel is averaged
+    or delayed.
     """
     state, inputs, parameter = model.symbols()
     parameters = _short([p.name for p in model.parameters])
@@ -178,10 +174,7 @@ class _Printer:
     def text(self, k: int, strength: int = _RELATION, *, whole: bool = False) -> str:
         """MathML of a node, in brackets if it binds less than `strength`.
 
-        Args:
-            k: Index of the node.
-            strength: Binding strength of the place where it stands.
-            whole: Whether to print a shared node itself and not its name.
+        A shared node is printed by its name, except with `whole`.
         """
         if k in self._shared and not whole:
             return _name(self._shared[k])

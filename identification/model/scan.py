@@ -131,14 +131,9 @@ class Scan:
     ) -> tuple[list[Array], list[Array]]:
         """Run the loop over every record, in parallel over records and blocks of lanes.
 
-        Args:
-            inputs: For each record (n_step, n_input).
-            parameters: (n_parameter, n_lane) for all records, or one such array per record.
-            carries: For each record the carry before the first step (n_carry, n_lane).
-
-        Returns:
-            For each record the carry after the last step (n_carry, n_lane), and the outputs
-            (n_step, n_output, n_lane).
+        The inputs are (n_step, n_input) for each record, the parameters (n_parameter, n_lane) for
+        all or for each one.  The carry (n_carry, n_lane) is that before the first step and is
+        returned after the last one, with the outputs (n_step, n_output, n_lane).
         """
         shared = isinstance(parameters, np.ndarray)
         tasks, finals, outputs = [], [], []

@@ -136,15 +136,10 @@ class Simulator:
         values: Array,
         substeps: tuple[Counts, ...] | None = None,
     ) -> Simulator:
-        """Simulator with a step plan for `values`.
+        """Simulator with a step plan for `values`, (n_parameter,) or (n_parameter, n_lane).
 
-        The edge samples that the model cannot predict lose their weight.
-
-        Args:
-            model: The model.
-            records: Records that drive the model.
-            values: (n_parameter,) or (n_parameter, n_lane); the plan covers the stiffest lane.
-            substeps: For each record (n_sample,) substeps of each sample interval.
+        The plan covers the stiffest lane.  The edge samples that the model cannot predict lose
+        their weight.  The substeps of a record are (n_sample,), one for each interval.
         """
         states = [initial_states(model, record) for record in records]
         lanes = values.reshape(values.shape[0], -1).T
@@ -182,12 +177,8 @@ class Simulator:
 
         A single interval may be wrong by a fiftieth of the noise.  How such errors accumulate is
         measured against a simulation with an eight times smaller tolerance.  If the two differ, the
-        finer simulation takes over and is tested in the same way, up to three times.
-
-        Args:
-            values: (n_parameter,) physical values.
-            states: For each record (n_state,) at its first sample.
-            deviation: (2,) noise of current and speed [A, rad/s].
+        finer simulation takes over and is tested in the same way, up to three times.  The arguments
+        are those of `with_tolerance`, with the noise (2,) of current and speed [A, rad/s].
         """
         tolerance = _LOCAL
         coarse = self.with_tolerance(values, states, tolerance * deviation)
@@ -220,11 +211,8 @@ class Simulator:
     def converged(self, values: Array, states: Sequence[Array]) -> Simulator:
         """Simulator whose discretisation error is below a millionth of the signals.
 
-        Long records have fewer substeps, which bounds the memory.
-
-        Args:
-            values: (n_parameter,) physical values.
-            states: For each record (n_state,) at its first sample.
+        Long records have fewer substeps, which bounds the memory.  The arguments are those of
+        `with_tolerance`.
         """
         span = np.max([record.span for record in self.records], axis=0)
         rows = sum(record.rows for record in self.records)
@@ -241,12 +229,10 @@ class Simulator:
     ) -> Simulator:
         """Refine the substeps until each sample interval meets the tolerance at `values`.
 
-        Args:
-            values: (n_parameter,) physical.
-            states: For each record (n_state,) at its first sample.
-            tolerance: (2,) allowed error of current and speed per sample interval [A, rad/s].
-            rounds: Largest number of error measurements.
-            most: Largest number of substeps of a sample interval.
+        The values are (n_parameter,) physical, the state of each record is (n_state,) at its first
+        sample, the tolerance is the allowed error of current and speed per sample interval (2,) [A,
+        rad/s].  Errors are measured `rounds` times at most; an interval has at most `most`
+        substeps.
         """
         substeps = self.substeps or evenly([record.rows for record in self.records], 1)
         inputs = [self._shifted(record.inputs) for record in self.records]
@@ -268,15 +254,10 @@ class Simulator:
     def logged(
         self, values: Array, states: Sequence[Array], effort: Effort = "some"
     ) -> list[Array]:
-        """Simulated sensor readings.
+        """Simulated sensor readings (n_sample, 2, n_lane) of each record [A, rad/s].
 
-        Args:
-            values: (n_parameter, n_lane) physical.
-            states: For each record (n_state,) or (n_state, n_lane) at its first sample.
-            effort: Optimisation level of the compiled loop; see `Scan`.
-
-        Returns:
-            For each record (n_sample, 2, n_lane) [A, rad/s].
+        The values are (n_parameter, n_lane) physical, the state of each record at its first sample
+        is (n_state,) or (n_state, n_lane); the effort is that of a `Scan`.
         """
         scan = _logged_scan(self.model, self.plan, effort)
         carries = self.carries(states, values.shape[1])
@@ -286,12 +267,8 @@ class Simulator:
         """Weighted sums of squares of the whitened residuals, (2, n_lane) [A^2, rad^2/s^2].
 
         A likelihood evaluation consists of one such call.  The sums are part of the carry, so no
-        time series is written to memory.
-
-        Args:
-            values: (n_parameter, n_lane) physical.
-            states: For each record (n_state,) or (n_state, n_lane).
-            weighting: Noise model; the sums are not divided by its variances.
+        time series is written to memory.  They are not divided by the variances of the noise model.
+        Values and states are those of `logged`.
         """
         loop, rows = self._compared(weighting)
         starts = self.carries(states, values.shape[1])

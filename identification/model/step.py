@@ -72,16 +72,8 @@ def advance(
 ) -> Expression:
     """State at the end of the sample interval, followed by integrals over the interval.
 
-    Args:
-        model: The model.
-        plan: Settings of the integration step.
-        state: (n_state,) at the start of the interval.
-        inputs: (n_input,).
-        parameter: (n_parameter,).
-        integrated: Indices of the logged channels to integrate, as additional states.
-
-    Returns:
-        (n_state + n_integrated,) expression.
+    The state is (n_state,) at the start; `integrated` are the indices of the logged channels to
+    integrate, as additional states.  The result is an expression (n_state + n_integrated,).
     """
     n = state.numel()
     state = ca.vertcat(state, *[0] * len(integrated))
@@ -123,11 +115,8 @@ def _inputs_within(hold: Hold, *, is_averaged: bool = False) -> ca.Function:
     """Inputs (n_input,) -> inputs at the start of the interval and their slopes [1/s].
 
     The reciprocal of a zero length (the last interval of a record) is replaced by zero, so nothing
-    divides by zero.
-
-    Args:
-        hold: Inter-sample behaviour of the voltage.
-        is_averaged: Whether a torque is averaged over the angle, which is then the middle one.
+    divides by zero.  With `is_averaged` a torque is averaged over the angle, which is then the
+    middle one.
     """
     inputs = ca.SX.sym("u", len(INPUTS))
     columns: list[Expression] = ca.vertsplit(inputs)

@@ -91,14 +91,10 @@ def stiffness(
 ) -> float:
     """Largest spectral radius of h df/dx along the measured current and speed [-].
 
-    If the shaft stops, it is evaluated at rest as well: friction is stiffest there, but the noise
-    of the speed hides it.
-
-    Args:
-        model: The model.
-        records: Records that drive the model; h is the longest sample interval of each.
-        values: (n_parameter,) physical.
-        states: For each record (n_state,); the states of terms keep these values.
+    The sample interval h is the longest of each record.  If the shaft stops, the radius is
+    evaluated at rest as well: friction is stiffest there, but the noise of the speed hides it.  The
+    values are (n_parameter,) physical; the states of terms keep their values in `states`,
+    (n_state,) each.
     """
     largest = 0.0
     for record, state in zip(records, states, strict=True):

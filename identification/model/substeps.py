@@ -150,16 +150,10 @@ def refined(
 def refined_counts(
     counts: Counts, errors: Array, tolerance: Array, most: int = MOST_SUBSTEPS
 ) -> Counts:
-    """Refine the substep counts from the measured integration errors.
+    """Substep counts (n_sample,) multiplied by 1, 2, 4 or 8, at most `most`, for a tolerance.
 
-    Args:
-        counts: (n_sample,) substep counts at which the errors were measured.
-        errors: (n_row, n_channel) error of each substep.
-        tolerance: (n_channel,) allowed error of one sample interval.
-        most: Largest count.
-
-    Returns:
-        (n_sample,) counts multiplied by 1, 2, 4 or 8, at most `most`.
+    The errors (n_row, n_channel) of each substep were measured at `counts`; the tolerance
+    (n_channel,) is that of one sample interval.
     """
     summed = np.add.reduceat(np.abs(errors), first_rows(counts), axis=0)
     excess = np.max(np.where(np.isfinite(summed), summed / tolerance, np.inf), axis=1)

@@ -53,17 +53,10 @@ class TangentBlock:
 def tangent(
     simulator: Simulator, values: Array, states: Sequence[Array], directions: Array
 ) -> tuple[list[Array], list[Array]]:
-    """Readings and derivatives of whole records, computed in blocks.
+    """Readings (n_sample, 2) and derivatives of whole records, computed in blocks.
 
-    Args:
-        simulator: Model and records.
-        values: (n_parameter,) physical.
-        states: For each record (n_state,).
-        directions: (n_parameter, n_direction) physical.
-
-    Returns:
-        For each record the readings (n_sample, 2) and their derivatives
-        (n_sample, 2, n_direction + n_state).
+    The derivatives of a record are (n_sample, 2, n_direction + n_state); the arguments are those of
+    `tangent_blocks`.
     """
     size = directions.shape[1] + simulator.n_state
     logged = [np.empty((record.rows, 2)) for record in simulator.records]
@@ -84,15 +77,10 @@ def tangent_blocks(
 ) -> Iterator[TangentBlock]:
     """Iterate over readings and their derivatives in blocks of samples.
 
-    The memory depends neither on the length of the records nor on their substeps.
-
-    Args:
-        simulator: Model and records.
-        values: (n_parameter,) physical.
-        states: For each record (n_state,).
-        directions: (n_parameter, n_direction) physical.
-        lead: Samples of the previous block that are repeated at the start of each block.
-        rows: Number of rows in memory at a time, over all records.
+    The memory depends neither on the length of the records nor on their substeps: at most `rows`
+    rows over all records.  Each block repeats `lead` samples of the previous one.  The values are
+    (n_parameter,) physical, the directions (n_parameter, n_direction) physical, the states
+    (n_state,) for each record.
     """
     n, m = simulator.n_state, directions.shape[1]
     lanes = m + n

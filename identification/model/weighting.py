@@ -79,12 +79,9 @@ class Weighting:
     def sized(self, sums: Array) -> tuple[Weighting, Array]:
         """Maximum-likelihood standard deviations, and the profile cost at them.
 
-        Args:
-            sums: (2,) or (2, n_lane) sums of squares, see `sums_of_squares`.
-
-        Returns:
-            The noise model with the standard deviations of the best lane, and the negative log
-            likelihood of each lane up to a constant, infinite if its simulation diverged.
+        For `sums_of_squares` (2,) or (2, n_lane): the noise model with the standard deviations of
+        the best lane, and the negative log likelihood of each lane up to a constant, infinite if
+        its simulation diverged.
         """
         counts = np.maximum(self.counts, 1.0)
         lanes = sums.reshape(2, -1)

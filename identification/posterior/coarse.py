@@ -36,12 +36,9 @@ def coarser(
 ) -> Iterator[Simulator]:
     """Simulators that cost less than `fine` and have its residuals at `values`, cheapest first.
 
-    Args:
-        fine: Simulator as fine as the optimum needs.
-        values: (n_parameter,) physical values at the optimum.
-        states: For each record (n_state,) at its first sample.
-        deviation: (2,) noise of current and speed [A, rad/s].
-        smooth: The model with smoother friction, which needs fewer substeps; the same if None.
+    The values at the optimum are (n_parameter,) physical, the states (n_state,) for each record at
+    its first sample, the noise of current and speed is (2,) [A, rad/s].  `smooth` is the model with
+    smoother friction, which needs fewer substeps; None for the same.
     """
     if fine.substeps is None:
         return

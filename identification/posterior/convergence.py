@@ -82,16 +82,11 @@ def convergence_of(chain: Array, acceptance: float, lengths: float) -> Convergen
 
 
 def autocorrelation_times(chain: Array) -> Array:
-    """Integrated autocorrelation time of each dimension of an ensemble.
+    """Integrated autocorrelation time (n_dim,) of an ensemble (n_step, n_walker, n_dim) [steps].
 
     Deviations are taken from the mean of all walkers.  Walkers that stay apart, or one that never
-    moved, therefore lengthen the time.
-
-    Args:
-        chain: (n_step, n_walker, n_dim).
-
-    Returns:
-        (n_dim,) [steps]; the length of the chain for a dimension that never moved.
+    moved, therefore lengthen the time.  For a dimension that never moved it is the length of the
+    chain.
 
     Source:
         Sokal, Monte Carlo methods in statistical mechanics (1996), section 3, for the window;

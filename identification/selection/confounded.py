@@ -119,14 +119,11 @@ def confounded_terms(
     Parameters that the user knows or that the runs do not determine are skipped, and so are effects
     that the model already has.
 
-    Args:
-        final: Fit of the selected model, with white noise.
-        nominal: Fit of the model without effects, if `final` has effects: a surrogate for a lag in
-            `final` can prevent the fit from finding the lag itself.
-        is_structured: Whether the residual has structure that no effect explains.  The model is
-            then wrong somewhere, and a loss excludes an optimum only if it is as large as the gain
-            that the size criterion requires.
-        policy: Limits of the exclusion.
+    If `final`, the selected model with white noise, has effects, `nominal` is the fit without them:
+    a surrogate for a lag in `final` can prevent the fit from finding the lag itself.  If the
+    residual `is_structured`, with structure that no effect explains, the model is wrong somewhere,
+    and a loss excludes an optimum only if it is as large as the gain that the size criterion
+    requires.
     """
     fraction = effective_fraction(final)
     known = identified(final, fraction)

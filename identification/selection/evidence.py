@@ -93,12 +93,9 @@ class EvaluatedModel:
     def criteria(
         self, simpler: EvaluatedModel, tried: int, policy: SelectionPolicy = DEFAULT
     ) -> AcceptanceCriteria:
-        """Acceptance criteria of this model against a simpler one.
+        """Acceptance criteria of this model against a simpler one without the effect.
 
-        Args:
-            simpler: The model without the effect.
-            tried: Number of prototypes from which the effect was selected.
-            policy: Limits of the criteria.
+        The effect was selected from `tried` prototypes.
         """
         own, simpler = self.at_equal_noise(simpler), simpler.at_equal_noise(self)
         if own is not self:
@@ -158,16 +155,10 @@ class EvaluatedModel:
         return log_odds < -policy.validation_log_odds
 
     def score(self, fraction: float) -> float:
-        """Criterion for the comparison of models; smaller is better.
+        """Criterion for the comparison of models; smaller is better, infinite if not computed.
 
         Half the BIC of the training runs, plus the negative predictive log likelihood of the
-        validation runs.
-
-        Args:
-            fraction: Effective sample fraction, the same for all compared models [-].
-
-        Returns:
-            The criterion; infinity for a model that cannot be computed.
+        validation runs.  The effective sample fraction is the same for all compared models [-].
         """
         if not self.is_computed:
             return float("inf")

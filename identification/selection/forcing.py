@@ -62,16 +62,10 @@ class _Push(AbstractTorque, AbstractVoltage):
 
 
 def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iterator[Array]:
-    """First-order changes of the logged channels by forces, record by record.
+    """First-order changes of current and speed by forces at the optimum of a fit, record by record.
 
-    Args:
-        fit: A model at its optimum.
-        forces: Function from the index of a record to the forces, (n_sample, 2, n_lane) voltage [V]
-            and torque [N m].
-        stride: Samples per output sample.
-
-    Yields:
-        For each record (n_kept, 2, n_lane) changes of current and speed [A, rad/s].
+    The changes are (n_kept, 2, n_lane) [A, rad/s] at every `stride`-th sample.  `forces` returns
+    those of a record by its index, (n_sample, 2, n_lane) voltage [V] and torque [N m].
     """
     simulator = fit.simulator.changed_to(fit.simulator.model.adding(_Push()), fit.values)
     n = len(fit.simulator.model.state_names)

@@ -41,13 +41,8 @@ def search_long(
 ) -> Outcome:
     """Select the effects that the nominal model lacks, for records of any length.
 
-    Args:
-        declared: Fit of the nominal model.
-        campaign: Training and validation records.
-        progress: Called with the completed fraction [-].
-        work: Operation budget; no new step starts after it is spent.
-        withheld: Names of effect types that are not candidates.
-        policy: Limits of the search.
+    `progress` is called with the completed fraction [-], `work` is the operation budget.  The other
+    arguments are those of `search`.
     """
     tell = progress or (lambda fraction: None)
     select = partial(search, withheld=withheld, policy=policy)

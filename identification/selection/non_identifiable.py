@@ -82,9 +82,7 @@ class LinearPart:
     def _compensated(self, draws: dict[str, Array], left: Array) -> dict[str, Array]:
         """Nominal parameters and spline coefficients that keep the response of the motor.
 
-        Args:
-            draws: Draws without the line.
-            left: Fraction that remains of the parameter from which the line is taken [-].
+        `left` is what remains of the parameter from which the line is taken, as a fraction [-].
         """
         if (self.equation, self.signal) == ("electrical", "current"):
             return {"Ra25": draws["Ra25"] * left, "alpha_Ra": draws["alpha_Ra"] / left}

@@ -80,11 +80,9 @@ def omitted_terms(
 def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
     """Parameter changes by an unknown gain of the current sensor; empty if the gains agree.
 
-    A sensor that reads g times the current gives Ra/g, L/g, J g and b g at the same fit.
-
-    Args:
-        fit: Fit whose parameters change.
-        ratios: Reading of each run over that of the first training run, for the same current [-].
+    A sensor that reads g times the current gives Ra/g, L/g, J g and b g at the same fit.  The
+    ratios are the readings of the runs over that of the first training run, for the same current
+    [-].
     """
     largest = max((abs(float(np.log(ratio))) for ratio in ratios), default=0.0)
     if largest == 0.0:

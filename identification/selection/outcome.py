@@ -73,8 +73,8 @@ class Found:
     def given(self, ratios: Array) -> Found:
         """The effect with its probabilities given what the final model leaves unexplained.
 
-        Args:
-            ratios: (n_channel,) RMS error of the final model over the largest that noise explains.
+        The ratios (n_channel,) are the RMS error of the final model over the largest that noise
+        explains [-].
         """
         criteria, seen = self.criteria, self.criteria.validation
         fall = criteria.training if seen is None or criteria.local else seen
@@ -136,11 +136,7 @@ class Outcome:
     """The final model with the friction of the search, if that of `fit` is sharper."""
 
     def given(self, ratios: Array) -> Outcome:
-        """The outcome with the probabilities of its effects given what remains; see `Found.given`.
-
-        Args:
-            ratios: (n_channel,) RMS error of the final model over the largest that noise explains.
-        """
+        """The outcome with the probabilities of its effects as of `Found.given`."""
         return replace(self, effects=tuple(found.given(ratios) for found in self.effects))
 
     def with_alternatives_of(self, effects: Sequence[Found]) -> Outcome:

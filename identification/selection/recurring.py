@@ -32,13 +32,9 @@ def recurring(
 
     Runs are added one at a time while each raises the gain of the common amplitude by `_AGREES`.
 
-    Args:
-        candidate: The structure.
-        lane: Index of the start.
-        projections: (n_run,) projection of the residual on the deviation of the start in each run.
-        products: (n_run, n_run) inner products of these deviations.
-        along: First-order change of the fit with each deviation.
-        runs: (n_run,) numbers of the runs.
+    For the start in `lane`, `projections` (n_run,) are those of the residual on the deviation in
+    each of the runs, `products` (n_run, n_run) the inner products of these deviations, and `along`
+    the first-order change of the fit with each.
     """
 
     def gain(chosen: Sequence[int]) -> float:

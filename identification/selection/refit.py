@@ -46,15 +46,10 @@ _SAME_SIZE: Final = 0.05
 def refitted_with(
     fit: Fit, term: AbstractTerm, starts: Sequence[Start], limits: TerminationLimits = _LIMITS
 ) -> Fit:
-    """Fit of the model with `term` added, from the optimum of `fit`.
+    """Fit of the model with `term` added, from the optimum of `fit` and the best of the starts.
 
-    Args:
-        fit: Fit of the current model.
-        term: The added term.  For a thermal term, if the temperature coefficients of `fit` are
-            implausible, a second fit starts from the usual coefficients with the same budget, and
-            the better fit is returned.
-        starts: Starting points; the fit continues from the best of them.
-        limits: Termination limits.
+    For a thermal term, if the temperature coefficients of `fit` are implausible, a second fit
+    starts from the usual coefficients with the same budget, and the better fit is returned.
     """
     model = fit.simulator.model.adding(term)
     began = operations()
@@ -95,14 +90,8 @@ def swapped(
     """Fit with `new` in place of `old`, from the optimum of `fit`.
 
     Its starting points are those of the score test without `old` at that optimum.  If `new` is no
-    candidate there, as a law that refines another one, it starts at its values in `rival`.
-
-    Args:
-        fit: Fit of the model with `old`.
-        old: The replaced term.
-        new: The term in its place.
-        rival: Another fit of the model with `new`.
-        limits: Limits of the refit.
+    candidate there, as a law that refines another one, it starts at its values in `rival`, another
+    fit of the model with `new`.
     """
     bare = refitted_without(fit, old.name, TerminationLimits(0))
     candidates = [

@@ -92,17 +92,9 @@ def begun(
 ) -> tuple[Simulator, Array, list[Array]]:
     """Simulator of a changed model, and the point from which its fit starts.
 
-    Args:
-        fit: Fit of the model before the change.
-        model: The changed model.
-        coordinates: Search coordinates of the changed model.
-        starts: Starting points of what is new, the largest predicted gain first; empty if nothing
-            is new.
-        weighting: Noise model for the comparison of the points.
-
-    Returns:
-        The simulator, (n_parameter,) search coordinates and for each record (n_state,) initial
-        states.
+    The starts are those of what is new, the largest predicted gain first; empty if nothing is new.
+    The noise model compares them.  The point has search coordinates (n_parameter,) and for each
+    record an initial state (n_state,).
     """
     records = fit.simulator.records
     whole = [_extended(fit, model, coordinates, start) for start in starts or [Start(np.zeros(0))]]

@@ -88,15 +88,10 @@ def forward(state: State) -> bool:
 def accept(
     state: State, wanted: Sequence[Score], abandon_cost: float = np.inf
 ) -> EvaluatedModel | None:
-    """Refit candidates and return the best model that meets the acceptance criteria.
+    """Refit candidates and return the best model that meets the acceptance criteria, or None.
 
-    Args:
-        state: Current model; the candidates are added to `searched`.
-        wanted: Candidates, the largest predicted gain first.
-        abandon_cost: Cost above which a fit is dropped.
-
-    Returns:
-        The accepted model; None if no candidate meets the criteria.
+    The candidates, the largest predicted gain first, are added to `searched` of the state; a fit
+    above `abandon_cost` is dropped.
     """
     trials, current, round_ = state.trials, state.current, state.round + 1
     fits = trials.refits(current, wanted, abandon_cost)
@@ -194,14 +189,10 @@ def exchange(state: State) -> None:
 def settled(state: State, rival: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
     """Rival with another effect in place of `term`, compared at its optimum.
 
-    Effects of the same equation and drivers have nearly the same signature, so an unfinished fit
-    of one decides nothing against the other.  It is repeated from the optimum of the current model,
-    even after the budget is spent.
-
-    Args:
-        state: Current model, with `term`.
-        rival: Evaluated model; its last term replaces `term`.
-        term: The replaced effect.
+    Effects of the same equation and drivers have nearly the same signature, so an unfinished fit of
+    one decides nothing against the other.  It is repeated from the optimum of the current model,
+    even after the budget is spent.  The last term of the rival replaces `term` of the current
+    model.
     """
     trials, current = state.trials, state.current
     (*_, added) = effects_of(rival.fit.simulator.model.terms)

@@ -72,13 +72,10 @@ class Trials:
     def limits(
         self, abandon_cost: float = np.inf, longest: float = np.inf, reference: float = np.inf
     ) -> TerminationLimits:
-        """Termination limits of a fit.
+        """Termination limits of a fit, which stops after `longest` operations.
 
-        Args:
-            abandon_cost: Cost that the fit has to approach; it is abandoned once it is predicted to
-                stay above it.
-            longest: Operations after which the fit stops.
-            reference: Cost of a better model with which the fit is compared.
+        A fit is abandoned once it is predicted to stay above `abandon_cost`; it is compared with a
+        better model of the cost `reference`.
         """
         budget = Budget(longest, within=self.budget)
         return TerminationLimits(self.policy.steps, abandon_cost, budget, reference)
@@ -90,11 +87,8 @@ class Trials:
     def evaluate(self, fit: Fit, fraction: float | None = None) -> EvaluatedModel:
         """Evaluate a fit on the validation runs; one result per model structure is cached.
 
-        A later fit replaces the cached one if its cost is lower by more than 0.001.
-
-        Args:
-            fit: The fit.
-            fraction: Effective sample fraction [-]; computed from the residual of the fit if None.
+        A later fit replaces the cached one if its cost is lower by more than 0.001.  The effective
+        sample fraction [-] is computed from the residual of the fit if None.
         """
         key = _key(fit)
         known = self._evaluated.get(key)
@@ -220,11 +214,6 @@ class Trials:
         A candidate is skipped if its predicted gain, however much it is underestimated, is less
         than the gain that `abandon_cost` requires, or less than a gain close to the best so far.
         An unlisted law with a grid of starting points has no such prediction.
-
-        Args:
-            current: Model to which the candidates are added.
-            scores: Candidates.
-            abandon_cost: Cost that has to be reached.
         """
         found, policy = [], self.policy
         best = current.fit.cost
@@ -316,12 +305,8 @@ class Trials:
         """Predicted gain below which an effect would fail even if its gain were underestimated.
 
         The score is exact for small effects and underestimates large ones, whose shape differs from
-        the prototype.  The size limit is divided by `understated`, the significance limit by two.
-
-        Args:
-            current: Model to which the effect is added.
-            understated: Largest ratio of achieved to predicted gain; that of effects if None.
-            amplitudes: Number of fitted amplitudes.
+        the prototype.  The size limit is divided by `understated`, the largest ratio of achieved to
+        predicted gain (that of effects if None), the significance limit by two.
         """
         counts = current.fit.weighting.counts
         each = 0.5 * np.log(max(counts.sum() * current.fraction, 2.0))
