@@ -31,6 +31,7 @@ __all__ = [
     "Scope",
     "effects_of",
     "register",
+    "runs_text",
 ]
 
 Effect = TypeVar("Effect", bound="type[AbstractEffect]")
@@ -174,6 +175,7 @@ class AbstractEffect(AbstractTerm):
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
+@dataclass(frozen=True)
 class AbstractRunEffect(AbstractEffect):
     """Effect of single runs: simulated in all runs at once, then scored for each run.
 
@@ -181,16 +183,24 @@ class AbstractRunEffect(AbstractEffect):
         recurs: Whether it may act alike in several runs.
     """
 
+    run: int | None
+    """Number of the run; None for all runs, as the score test requires."""
+
     recurs: ClassVar[bool] = False
 
     @property
-    @abstractmethod
     def runs(self) -> tuple[int, ...]:
         """Numbers of the runs; empty for the prototype, which acts in all."""
+        return () if self.run is None else (self.run,)
 
-    @abstractmethod
+    @property
+    def variant(self) -> str:
+        """The runs."""
+        return runs_text(self.runs) if self.runs else ""
+
     def in_runs(self, run: int, *others: int) -> Self:
         """The effect in one run, or in `run` and `others` if it recurs."""
+        return replace(self, run=run)
 
 
 class AbstractForced(AbstractEffect):
@@ -300,6 +310,14 @@ def register(effect: Effect) -> Effect:
             f"{other.__module__}.{other.__name__}; expected another name"
         )
     return effect
+
+
+def runs_text(runs: Iterable[int]) -> str:
+    """Runs in words, counted from 1."""
+    numbers = [str(one + 1) for one in sorted(runs)]
+    if len(numbers) < 2:
+        return f"run {numbers[0]}" if numbers else "a run"
+    return f"runs {', '.join(numbers[:-1])} and {numbers[-1]}"
 
 
 def effects_of(terms: Iterable[AbstractTerm]) -> tuple[AbstractEffect, ...]:

@@ -39,9 +39,21 @@ def smooth_sign(x: Expression, width: float) -> Expression:
     return x / ca.sqrt(x * x + width * width)
 
 
+@dataclass(frozen=True)
+class _Friction(AbstractEffect, AbstractTorque):
+    """Torque against the motion that depends on the speed."""
+
+    torque_size: float
+    """Torque scale [N m]."""
+
+    confusions = (FRICTION,)
+    equation = "mechanical"
+    drivers = ("speed",)
+
+
 @register
 @dataclass(frozen=True)
-class CoulombFriction(AbstractEffect, AbstractTorque):
+class CoulombFriction(_Friction):
     """Coulomb friction: a torque against the motion that does not depend on the speed.
 
         tau = -T_c (1 + a sgn w) sgn w                                      [N m]
@@ -50,15 +62,10 @@ class CoulombFriction(AbstractEffect, AbstractTorque):
     directions, as in brush gear and preloaded bearings.
     """
 
-    torque_size: float
-    """Torque scale [N m]."""
     width: float
     """Width of the smoothed sign [rad/s]."""
 
     name = "coulomb_friction"
-    confusions = (FRICTION,)
-    equation = "mechanical"
-    drivers = ("speed",)
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"
 
     @property
@@ -90,7 +97,7 @@ class CoulombFriction(AbstractEffect, AbstractTorque):
 
 @register
 @dataclass(frozen=True)
-class StribeckFriction(AbstractEffect, AbstractTorque):
+class StribeckFriction(_Friction):
     """Stribeck friction: extra dry friction at low speed that fades as a lubricant film builds up.
 
         tau = -T_s exp(-(|w| / w_s)^d) sgn w                                [N m]
@@ -99,17 +106,12 @@ class StribeckFriction(AbstractEffect, AbstractTorque):
     the Lorentzian law of Hess and Soom.
     """
 
-    torque_size: float
-    """Torque scale [N m]."""
     speed_size: float
     """Speed scale [rad/s]."""
     width: float
     """Width of the smoothed sign [rad/s]."""
 
     name = "stribeck_friction"
-    confusions = (FRICTION,)
-    equation = "mechanical"
-    drivers = ("speed",)
     defining = ("exponent",)
     source = (
         "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138; Hess and "
@@ -152,7 +154,7 @@ class StribeckFriction(AbstractEffect, AbstractTorque):
 
 @register
 @dataclass(frozen=True)
-class QuadraticDrag(AbstractEffect, AbstractTorque):
+class QuadraticDrag(_Friction):
     """Fan or windage torque that grows with about the square of the speed.
 
         tau = -T_d (|w| / w_0)^n (sgn w + a)                                [N m]
@@ -160,15 +162,10 @@ class QuadraticDrag(AbstractEffect, AbstractTorque):
     `a` is the asymmetry between the two directions, as with the blades of a fan.
     """
 
-    torque_size: float
-    """Torque scale [N m]."""
     reference: float
     """Speed w_0 at which the torque is T_d [rad/s]."""
 
     name = "quadratic_drag"
-    confusions = (FRICTION,)
-    equation = "mechanical"
-    drivers = ("speed",)
     defining = ("exponent",)
     source = (
         "Vrancik, NASA TN D-4849 (1968) (windage); affinity laws of fans, torque with speed squared"

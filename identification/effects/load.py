@@ -16,6 +16,7 @@ from identification.effects.effect import (
     CampaignScales,
     Candidate,
     register,
+    runs_text,
 )
 from identification.effects.parameters import amplitude, columns, shape
 from identification.effects.second_inertia import (
@@ -44,13 +45,6 @@ def _in_runs(signals: Signals, runs: Sequence[int]) -> Expression:
     if not runs:
         return ca.SX(1)
     return sum((ca.fabs(signals.run - one) < 0.5 for one in runs), ca.SX(0))
-
-
-def _named(runs: Sequence[int]) -> str:
-    numbers = [str(one + 1) for one in sorted(runs)]
-    if len(numbers) < 2:
-        return f"run {numbers[0]}" if numbers else "a run"
-    return f"runs {', '.join(numbers[:-1])} and {numbers[-1]}"
 
 
 @register
@@ -96,8 +90,6 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
     the times can be fitted.
     """
 
-    run: int | None
-    """Number of the run with the load; None for all runs, as the score test requires."""
     torque_size: float
     """Torque scale [N m]."""
     edge: float
@@ -119,16 +111,11 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
     @property
     def runs(self) -> tuple[int, ...]:
         """Numbers of the runs with the load."""
-        return () if self.run is None else (self.run, *self.others)
+        return (*super().runs, *self.others)
 
     def in_runs(self, run: int, *others: int) -> LoadStep:
         """The load in these runs."""
         return replace(self, run=run, others=others)
-
-    @property
-    def variant(self) -> str:
-        """The runs."""
-        return _named(self.runs) if self.runs else ""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -138,7 +125,7 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
             lower=-self.duration, upper=2 * self.duration,
             prior_mean=self.duration / 2, prior_sd=50.0,
         )  # fmt: skip
-        meaning = f"load torque in {_named(self.runs)}"
+        meaning = f"load torque in {runs_text(self.runs)}"
         return (
             amplitude("torque", "N m", meaning, self.torque_size, signed=True),
             start,
@@ -195,9 +182,6 @@ class InertiaChange(AbstractRunEffect, AbstractCoefficient):
     J -> J (1 + d)   in run r                                           [kg m^2]
     """
 
-    run: int | None
-    """Number of the run; None for all runs, as the score test requires."""
-
     name = "inertia_change"
     confusions = (SINGLE_RUN,)
     equation = "mechanical"
@@ -207,28 +191,12 @@ class InertiaChange(AbstractRunEffect, AbstractCoefficient):
     scope = "some runs"
 
     @property
-    def runs(self) -> tuple[int, ...]:
-        """Number of the run."""
-        return () if self.run is None else (self.run,)
-
-    def in_runs(self, run: int, *others: int) -> InertiaChange:
-        """The change in one run."""
-        return replace(self, run=run)
-
-    @property
-    def variant(self) -> str:
-        """The run."""
-        return _named(self.runs) if self.runs else ""
-
-    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The relative change."""
+        meaning = f"relative change of the inertia in {runs_text(self.runs)}"
         return (
-            Parameter(
-                "change", "-", f"relative change of the inertia in {_named(self.runs)}", scale=0.1,
-                lower=-0.9, upper=20.0, prior_sd=10.0,
-            ),
-        )  # fmt: skip
+            Parameter("change", "-", meaning, scale=0.1, lower=-0.9, upper=20.0, prior_sd=10.0),
+        )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Factor on J [-]."""
