@@ -44,14 +44,13 @@ from identification.posterior.draws import final_draws, nominal_draws
 from identification.reporting.files import write_chain, write_outputs
 from identification.result.content import assemble
 from identification.result.findings import Findings
-from identification.selection.confounded import confounded_terms
+from identification.selection.confounded import confounded_terms, unresolved_transients
 from identification.selection.long import search_long
 from identification.selection.non_identifiable import linear_parts_of, with_linear_parts
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
 from identification.selection.sharpening import with_sharp_friction
 from identification.selection.thermometer import thermometer_errors
-from identification.selection.unresolved import unresolved_transients
 from identification.speed_loop import feedback_metrics, parse_controllers, suited_controller
 from identification.speed_loop.nonlinear import simulated_loops
 from identification.threads import repeatable_algebra

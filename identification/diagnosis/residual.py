@@ -1,4 +1,4 @@
-"""Autocorrelation and cross-correlation of residuals with confidence bands.
+"""Correlations of residuals with confidence bands, and their size: RMSE and NRMSE.
 
 The residual of a complete model is white noise of zero mean, uncorrelated with the voltage.  Every
 function takes a list of runs, one array per run.  Runs are not concatenated, so that no correlation
@@ -10,6 +10,9 @@ arises across the end of one run and the start of the next:
 
 The mean of a residual is *not* subtracted: it is zero under the null hypothesis, and a residual
 with an offset is not white.
+
+    rmse  = sqrt(mean e^2)                                  e residual
+    nrmse = rmse / standard deviation of the measured channel
 """
 
 from __future__ import annotations
@@ -26,10 +29,12 @@ from identification.fit.autoregression import autoregression, spectrum
 
 __all__ = [
     "Correlation",
+    "Errors",
     "Whiteness",
     "autocorrelation",
     "cross_correlation",
     "lagged_products",
+    "pooled_errors",
     "whiteness",
 ]
 
@@ -64,6 +69,36 @@ class Whiteness:
     """Sum of squared correlations, each over its variance [-]."""
     p_value: float
     """Probability of a statistic at least as large from white noise [-]."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Simulation error of one channel."""
+
+    rmse: float
+    """Root mean square error, in the unit of the channel."""
+    nrmse: float
+    """RMSE over the standard deviation of the measured channel [-]."""
+
+
+def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Errors:
+    """RMSE and NRMSE over all samples of several runs, one array (n_sample,) per run.
+
+    Squares are summed over the runs.  The variance of each run is taken about its own mean, so that
+    the difference between two steady speeds does not improve the NRMSE.
+
+    Raises:
+        ValueError: There are no samples.
+    """
+    squares = sum(float(np.sum(np.square(residual))) for residual in residuals)
+    moved = sum(float(np.var(channel)) * channel.size for channel in measured)
+    samples = sum(residual.size for residual in residuals)
+    if samples == 0:
+        raise ValueError(
+            "no samples for a simulation error; expected at least one run with one row"
+        )
+    ratio = np.sqrt(squares / moved) if moved > 0.0 else (np.inf if squares > 0.0 else 0.0)
+    return Errors(float(np.sqrt(squares / samples)), float(ratio))
 
 
 def autocorrelation(

@@ -3,6 +3,10 @@
 Filtered regression gives several starting vectors.  One batched simulation ranks them.
 Gauss-Newton starts from the best one.  The next one is tried if the fit does not converge or leaves
 the resistance uncertain.
+
+Inertias range over seven decades from a watch motor to a traction motor, so the scales and the
+prior centres come from the starting values.  The priors only keep undetermined parameters finite:
+five standard deviations of a logarithm of width five span twenty decades.
 """
 
 from __future__ import annotations
@@ -15,13 +19,12 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.errors import ComputationError
-from identification.fit.scaling import linear_where_uncertain, scaled_coordinates
 from identification.fit.solve import Fit, TerminationLimits, continued, optimised, renewed
 from identification.fit.start import starting_values
 from identification.fit.temperature import unlogged_of, with_expected
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import Record, sample_interval
-from identification.model.parameter import Coordinates
+from identification.model.parameter import Coordinates, Parameter
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
 
@@ -36,6 +39,11 @@ _LEAST_INDUCTANCE: Final = 2e-3
 _NEAR_BOUND: Final = 1.01
 _REBOUNDS: Final = 5
 """Renewals of the lower bound of L at most; each resistance is closer to the optimum."""
+_LOG_WIDTH: Final = 5.0
+_LINEAR_WIDTH: Final = 30.0
+_CERTAIN: Final = 5.0
+_LEAST: Final = 1e-4
+_MAY_VANISH: Final = ("b", "L")
 
 
 def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
@@ -110,7 +118,7 @@ def _followed(simulator: Simulator, coordinates: Coordinates, position: Array) -
 
 def settled(fit: Fit) -> Fit:
     """Refit with linear coordinates for b and L if the data do not exclude zero."""
-    coordinates = linear_where_uncertain(fit.coordinates, fit.values, fit.deviations)
+    coordinates = _linear_where_uncertain(fit.coordinates, fit.values, fit.deviations)
     if coordinates.parameters == fit.coordinates.parameters:
         return fit
     return continued(replace(fit, coordinates=coordinates, position=coordinates.of(fit.values)))
@@ -132,4 +140,55 @@ def _bounded(simulator: Simulator, records: Sequence[Record], values: Array) -> 
     for k, parameter in enumerate(parameters):
         if parameter.name == "L":
             parameters[k] = replace(parameter, lower=_least_inductance(records, values))
-    return scaled_coordinates(parameters, values)
+    return _scaled_coordinates(parameters, values)
+
+
+def _scaled_coordinates(parameters: Sequence[Parameter], values: Array) -> Coordinates:
+    """Search coordinates of a model's parameters, scaled by starting values (n_parameter,).
+
+    Runs determine ratios and products best (b/J, Kt^2/Ra).  If single factors are less certain, the
+    cost has a valley that is straight in logarithms and curved in the quantities themselves.  All
+    positive quantities are therefore searched in logarithms.  The values need the right order of
+    magnitude.
+    """
+    scaled = []
+    for parameter, value in zip(parameters, values, strict=True):
+        if parameter.search == "log" and np.isinf(parameter.prior_sd):
+            parameter = replace(parameter, prior_mean=float(value), prior_sd=_LOG_WIDTH)
+        elif parameter.name in _MAY_VANISH:
+            parameter = replace(
+                parameter,
+                search="log",
+                lower=max(parameter.lower, _LEAST * float(value)),
+                prior_mean=float(value),
+                prior_sd=_LOG_WIDTH,
+            )
+        scaled.append(parameter)
+    return Coordinates(scaled)
+
+
+def _linear_where_uncertain(
+    coordinates: Coordinates, values: Array, deviations: Array
+) -> Coordinates:
+    """Search coordinates with b and L linear if the data do not exclude zero.
+
+    Near zero a logarithm diverges without any change of the likelihood.  A linear coordinate with a
+    bound at zero has a truncated normal posterior.  The values at the optimum of a fit are
+    (n_parameter,) physical, as are their standard deviations.
+    """
+    ra, kt = float(values[0]), float(values[2])
+    changed = []
+    for parameter, value, deviation in zip(coordinates.parameters, values, deviations, strict=True):
+        if parameter.name in _MAY_VANISH and not value > _CERTAIN * deviation:
+            scale = parameter.prior_mean + (kt**2 / ra if parameter.name == "b" else 0.0)
+            lower = 0.0 if parameter.name == "b" else parameter.lower
+            parameter = replace(
+                parameter,
+                search="linear",
+                lower=lower,
+                scale=scale,
+                prior_mean=0.0,
+                prior_sd=_LINEAR_WIDTH,
+            )
+        changed.append(parameter)
+    return Coordinates(changed)

@@ -41,7 +41,7 @@ DECLARED = (
 """Parameters of the nominal model.
 
 The starting values of a fit set the prior centres of Ra25, Kt25, J, b and L, and the scales of b
-and L (`fit/scaling.py`)."""
+and L (`fit/declared.py`)."""
 
 
 def coefficient_at(reference: Expression, slope: Expression, temperature: Expression) -> Expression:

@@ -9,7 +9,7 @@ the disk, so it is either complete or absent.  A file is used only if its key is
 If no file matches or can be read, the chain starts over, which costs only time.
 
 Every process that computes a fit imports this module, so it imports little.  The content of a
-chain's state is defined in `identification.posterior.resume`.
+chain's state is defined in `identification.posterior.sample`.
 """
 
 from __future__ import annotations

@@ -14,14 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import emcee
 import numpy as np
 from emcee import moves
+from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.posterior.checkpoint import Checkpoint
+from identification.posterior.checkpoint import Checkpoint, digest
 from identification.posterior.convergence import (
     REQUIRED_LENGTH,
     Convergence,
@@ -31,7 +32,6 @@ from identification.posterior.convergence import (
 from identification.posterior.density import Posterior
 from identification.posterior.importance import weighted_draws
 from identification.posterior.proposal import RidgeProposal, StudentProposal
-from identification.posterior.resume import chain_key, kept_backend, state_of
 from identification.work import was_interrupted
 
 __all__ = ["Sample", "Source", "sample"]
@@ -50,6 +50,7 @@ _REPLACED: Final = 2000
 """Number of draws that replace an unconverged chain."""
 _TRIAL: Final = 300
 """Steps after which a chain is abandoned if the step limit is too low for its convergence."""
+_RESOLUTION: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -97,8 +98,8 @@ def sample(
     walkers = max(32, 8 * -(-(2 * n_dim + 2) // 8))
     start = posterior.normal_points(seed, walkers)
     density = posterior(start)
-    key = chain_key(posterior, covariance, seed, walkers)
-    moves, backend = _moves(posterior, covariance), kept_backend(checkpoint, key, walkers, n_dim)
+    key = _chain_key(posterior, covariance, seed, walkers)
+    moves, backend = _moves(posterior, covariance), _kept_backend(checkpoint, key, walkers, n_dim)
     sampler = emcee.EnsembleSampler(
         walkers, n_dim, posterior, vectorize=True, moves=moves, backend=backend
     )
@@ -128,7 +129,7 @@ def sample(
         if was_interrupted():
             break
         if checkpoint is not None and checkpoint.is_due():
-            checkpoint.save(key, state_of(sampler.backend))
+            checkpoint.save(key, _state_of(sampler.backend))
     found = _sample_of(sampler, posterior, _burn_in(done, tau))
     if found.convergence.reached or was_interrupted():
         return found
@@ -188,3 +189,53 @@ def _moves(posterior: Posterior, covariance: Array) -> list[tuple[object, float]
     noise_sd = np.sqrt(np.diag(covariance)[n:])
     on_ridge = moves.MHMove(RidgeProposal(ridge, centre[n:], noise_sd))
     return [(on_ridge, 0.6), (narrow, 0.15), *others]
+
+
+def _chain_key(posterior: Posterior, covariance: Array, seed: int, walkers: int) -> str:
+    """Key of a chain: its dimensions, centre, widths, seed and number of walkers.
+
+    The covariance (n_dim, n_dim) is that of the normal approximation.
+
+    Centre and widths are rounded to a hundredth of a standard deviation.  Another machine, whose
+    last digits differ, can therefore resume the chain.
+    """
+    spread = np.sqrt(np.diag(covariance))
+    place = np.rint(posterior.centre / spread / _RESOLUTION)
+    width = np.rint(np.log(spread) / _RESOLUTION)
+    return digest(posterior.names, seed, walkers, place.tolist(), width.tolist())
+
+
+def _state_of(backend: emcee.backends.Backend) -> dict[str, NDArray[Any]]:
+    """State of a chain in a backend of emcee as arrays.
+
+    It holds the positions of the walkers, their log densities and the state of the random
+    generator.  A resumed chain equals an uninterrupted one, number for number.
+    """
+    _, keys, position, has_gauss, gauss = backend.random_state
+    steps = backend.iteration
+    return {
+        "chain": backend.chain[:steps],
+        "log_prob": backend.log_prob[:steps],
+        "accepted": backend.accepted,
+        "random_keys": keys,
+        "random_place": np.array([position, has_gauss], dtype=np.float64),
+        "random_gauss": np.array(gauss),
+    }
+
+
+def _kept_backend(
+    checkpoint: Checkpoint | None, key: str, walkers: int, n_dim: int
+) -> emcee.backends.Backend:
+    """Backend of emcee with the state saved under a key; empty if none was saved."""
+    backend = emcee.backends.Backend()
+    state = None if checkpoint is None else checkpoint.load(key)
+    if state is None or state["chain"].shape[1:] != (walkers, n_dim):
+        return backend
+    backend.reset(walkers, n_dim)
+    backend.chain, backend.log_prob = state["chain"], state["log_prob"]
+    backend.accepted = state["accepted"]
+    backend.iteration = len(backend.chain)
+    position, has_gauss = (int(number) for number in state["random_place"])
+    gauss = float(state["random_gauss"])
+    backend.random_state = ("MT19937", state["random_keys"], position, has_gauss, gauss)
+    return backend

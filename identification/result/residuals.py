@@ -12,12 +12,13 @@ from scipy.special import bdtrc
 from identification.arrays import Array
 from identification.diagnosis.residual import (
     Correlation,
+    Errors,
     Whiteness,
     autocorrelation,
     cross_correlation,
+    pooled_errors,
     whiteness,
 )
-from identification.diagnosis.simulation_error import Errors, pooled_errors
 from identification.result.report_data import RunTraces
 
 __all__ = [

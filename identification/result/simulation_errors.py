@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.diagnosis.outliers import outlying_run_warnings
-from identification.diagnosis.simulation_error import pooled_errors
+from identification.diagnosis.residual import pooled_errors
 from identification.fit.evaluate import Simulated
 from identification.result.entries import NEAR_NOISE, finite_or_null
 from identification.result.findings import CHANNELS, Findings

@@ -1,4 +1,4 @@
-"""Consider covariance for sensor lags and friction that are confounded with L, J and b.
+"""Consider covariance for lags, friction and transients that are confounded with L, J and b.
 
 A lag of the logged current is that of the winding, L / Ra, or that of the current sensor,
 
@@ -34,7 +34,7 @@ Statistics 9 (1938), 60-62 (distribution of the loss).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -46,8 +46,9 @@ from identification.effects.parameters import columns
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_fraction
-from identification.fit.solve import Fit, TerminationLimits, continued
-from identification.model.excitation import Record
+from identification.fit.solve import Fit, TerminationLimits, continued, solve
+from identification.model.excitation import Record, sample_interval
+from identification.model.parameter import Coordinates
 from identification.selection.omitted import OmittedTerm
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import refitted_with
@@ -56,7 +57,7 @@ from identification.selection.screen import screened
 from identification.selection.start import Along, Start
 from identification.selection.subset import fitted_to, subset_of_fit
 
-__all__ = ["confounded_terms", "turns_one_way"]
+__all__ = ["confounded_terms", "turns_one_way", "unresolved_transients"]
 
 _REVERSES: Final = 0.1
 """Ratio of the peak speeds of the two directions above which a motor reverses."""
@@ -250,3 +251,38 @@ def _fitted_from(
 
 def _rows(fit: Fit) -> int:
     return sum(record.rows for record in fit.simulator.records)
+
+
+def unresolved_transients(
+    fit: Fit, fraction: float, policy: SelectionPolicy = DEFAULT
+) -> tuple[OmittedTerm, ...]:
+    """Parameter changes to a motor with a tenth of the inductance, unless the runs exclude it.
+
+    If the motor settles within a sample interval, each sample shows only what is left of two
+    transients that overlap.  The runs then determine a curve of resistances, inertias and
+    inductances that fit nearly equally well, and the covariance at the optimum covers only a part
+    of it.  All parameters are therefore refitted with a tenth of the inductance.  If the log
+    likelihood falls by less than the limit, the change joins the intervals as a swapped lag does.
+    """
+    at, interval = fit.by_name, sample_interval(fit.simulator.records)
+    slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
+    row = fit.coordinates.names.index("L")
+    if slow >= interval or fit.coordinates.parameters[row].origin:
+        return ()
+    position = fit.position.copy()
+    values = fit.values.copy()
+    values[row] *= policy.remaining_lag
+    position[row] = fit.coordinates.of(values)[row]
+    parameters = list(fit.coordinates.parameters)
+    parameters[row] = replace(parameters[row], lower=values[row], upper=values[row])
+    limits = TerminationLimits(policy.steps, fit.cost + policy.exclusion_loss / fraction)
+    coordinates = Coordinates(parameters)
+    simulator = fit.simulator.suited_to(values)
+    found = solve(simulator, coordinates, position, fit.states, fit.weighting, limits)
+    loss = fraction * (found.cost - fit.cost)
+    if not loss < policy.exclusion_loss:
+        return ()
+    step = (found.position - fit.position) / np.sqrt(max(2.0 * loss, 1.0))
+    steps = dict(zip(fit.coordinates.names, map(float, step), strict=True))
+    time = float(found.values[row] / at["Ra25"])
+    return (OmittedTerm("unresolved_transient", None, None, steps, time=time),)

@@ -27,8 +27,7 @@ from identification.model.simulate import initial_states
 from identification.selection.forcing import responses
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.projection import Projection, Residual, gain_of
-from identification.selection.recurring import recurring
-from identification.selection.score import Score, sized
+from identification.selection.score import Score, recurring, sized
 
 __all__ = ["screened"]
 

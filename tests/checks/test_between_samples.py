@@ -15,7 +15,7 @@ from identification.fit.declared import fit_declared
 from identification.fit.noise import effective_fraction
 from identification.ingest.run import Run
 from identification.selection.omitted import consider_variances
-from identification.selection.unresolved import unresolved_transients
+from identification.selection.confounded import unresolved_transients
 from tests.motors import simulated
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.diagnosis.simulation_error import Errors, pooled_errors
+from identification.diagnosis.residual import Errors, pooled_errors
 
 
 def test_the_mean_of_a_record_as_simulation_has_a_fit_of_zero() -> None:

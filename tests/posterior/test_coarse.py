@@ -16,7 +16,7 @@ from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.substeps import evenly
-from identification.posterior.coarse import coarser
+from identification.posterior.density import coarser
 from identification.posterior.density import Posterior
 from identification.selection.refit import refined, refitted_with
 from identification.selection.scales import scales_of
