@@ -7,6 +7,8 @@ solution NaN.  The caller's cost becomes NaN, and the comparison of models rejec
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,10 +20,8 @@ __all__ = ["eigenvalues", "eigh", "least_squares", "root", "solution"]
 def solution(matrix: Array, right: Array) -> Array:
     """Solution of a square system with (n,) or (n, n_column) right sides; NaN if it has none."""
     if np.isfinite(matrix).all():
-        try:
+        with suppress(np.linalg.LinAlgError):
             return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            pass
     return np.full_like(right, np.nan, dtype=np.float64)
 
 
@@ -31,21 +31,17 @@ def least_squares(matrix: Array, right: Array, rcond: float | None = None) -> Ar
     Singular values below the fraction `rcond` of the largest count as zero [-].
     """
     if np.isfinite(matrix).all() and np.isfinite(right).all():
-        try:
+        with suppress(np.linalg.LinAlgError):
             return np.asarray(np.linalg.lstsq(matrix, right, rcond=rcond)[0], dtype=np.float64)
-        except np.linalg.LinAlgError:
-            pass
     return np.full((matrix.shape[1], *right.shape[1:]), np.nan)
 
 
 def eigh(matrix: Array) -> tuple[Array, Array]:
     """Ascending eigenvalues, and eigenvectors, of symmetric (..., n, n); NaN if not finite."""
     if np.isfinite(matrix).all():
-        try:
+        with suppress(np.linalg.LinAlgError):
             values, vectors = np.linalg.eigh(matrix)
             return np.asarray(values, dtype=np.float64), np.asarray(vectors, dtype=np.float64)
-        except np.linalg.LinAlgError:
-            pass
     return np.full(matrix.shape[:-1], np.nan), np.full(matrix.shape, np.nan)
 
 
@@ -62,9 +58,7 @@ def root(covariance: Array) -> Array:
     The covariance is positive semi-definite up to rounding.
     """
     if np.isfinite(covariance).all():
-        try:
+        with suppress(np.linalg.LinAlgError):
             return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            pass
     values, vectors = eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)

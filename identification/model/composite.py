@@ -69,7 +69,6 @@ class MotorModel:
     """Nominal model with added terms."""
 
     terms: tuple[AbstractTerm, ...] = ()
-    """Terms added to the nominal equations."""
     hold: Hold = "zoh"
     """Nominal inter-sample behaviour of the voltage (zero- or first-order hold)."""
     unlogged: Unlogged = Unlogged()
@@ -235,23 +234,17 @@ class MotorModel:
         )
 
     def _values(self, parameter: Expression) -> tuple[Values, list[Values]]:
-        names, parts = [p.name for p in DECLARED], ca.vertsplit(parameter)
-        declared = dict(zip(names, parts, strict=False))
-        own, start = [], len(names) + len(self.unlogged.parameters)
-        for term in self.terms:
-            named = {p.name: parts[start + k] for k, p in enumerate(term.parameters)}
-            own.append(SimpleNamespace(**declared, **named))
-            start += len(term.parameters)
-        return SimpleNamespace(**declared), own
+        parts = iter(ca.vertsplit(parameter))
+        declared = {p.name: next(parts) for p in DECLARED}
+        for _ in self.unlogged.parameters:
+            next(parts)
+        own = [{p.name: next(parts) for p in term.parameters} for term in self.terms]
+        return SimpleNamespace(**declared), [SimpleNamespace(**declared, **each) for each in own]
 
     def _own_states(self, state: Expression) -> list[Values]:
-        own, start = [], 2
-        for term in self.terms:
-            own.append(
-                SimpleNamespace(**{s.name: state[start + k] for k, s in enumerate(term.states)})
-            )
-            start += len(term.states)
-        return own
+        parts = iter(ca.vertsplit(state)[2:])
+        own = [{s.name: next(parts) for s in term.states} for term in self.terms]
+        return [SimpleNamespace(**each) for each in own]
 
 
 @lru_cache

@@ -93,20 +93,22 @@ class Record:
         if rows >= self.rows:
             return self
         start = min(start, self.rows - rows)
-        span = slice(start, start + rows)
-        inputs = self.inputs[span].copy()
+        part = self.at(slice(start, start + rows))
+        inputs = part.inputs.copy()
         inputs[-1, 0] = 0.0
+        return replace(part, start=self.start + start, inputs=inputs)
+
+    def at(self, rows: slice) -> Record:
+        """Some of the samples; the intervals, which remain, may not fit them."""
+
+        def kept(series: Array | None) -> Array | None:
+            return None if series is None else series[rows]
+
         return replace(
-            self,
-            start=self.start + start,
-            time=self.time[span],
-            inputs=inputs,
-            measured=self.measured[span],
-            weight=self.weight[span],
-            whole=None if self.whole is None else self.whole[span],
-            raw_angle=None if self.raw_angle is None else self.raw_angle[span],
-            voltage_noise=None if self.voltage_noise is None else self.voltage_noise[span],
-        )
+            self, time=self.time[rows], inputs=self.inputs[rows], measured=self.measured[rows],
+            weight=self.weight[rows], whole=kept(self.whole), raw_angle=kept(self.raw_angle),
+            voltage_noise=kept(self.voltage_noise),
+        )  # fmt: skip
 
     @property
     def integrated(self) -> Array:
@@ -176,7 +178,8 @@ def records_of(
     for k, run in enumerate(runs):
         coarse = coarse_step(run)
         if run.temperature is None:
-            temperature = expected + RAMP * _passed(run)
+            whole = max(float(run.time[-1] - run.time[0]), 1e-300)
+            temperature = expected + RAMP * ((run.time - run.time[0]) / whole - 0.5)
             highest = np.full(run.time.size, peak if np.isfinite(peak) else expected)
         else:
             temperature = smooth_temperature(run)
@@ -188,12 +191,6 @@ def records_of(
                 unknown = expected if run.temperature is None else None
                 records.append(replace(made, expected=unknown, resolution=coarse))
     return records
-
-
-def _passed(run: Run) -> Array:
-    """Elapsed fraction of the run minus one half, (n_sample,) [-]."""
-    whole = max(float(run.time[-1] - run.time[0]), 1e-300)
-    return np.asarray((run.time - run.time[0]) / whole - 0.5)
 
 
 def _record(
@@ -209,14 +206,11 @@ def _record(
         moved = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time)
         angle = np.concatenate([[0.0], np.cumsum(moved)])
 
-    def following(x: Array) -> Array:
-        return np.append(x[1:], x[-1])
-
     columns = {
         "interval": interval,
         **_voltage_columns(run.voltage[span]),
         "temperature": temperature[span],
-        "temperature_next": following(temperature[span]),
+        "temperature_next": np.append(temperature[span][1:], temperature[span][-1]),
         **_angle_columns(angle),
         "time": time,
         "run": np.full(time.size, float(number)),

@@ -35,7 +35,9 @@ class Graph:
             cases = self._cases(*children) or self._cases(*reversed(children))
             if cases:
                 return cases
-        node = Node(kind, children, label)
+        return self._index(Node(kind, children, label))
+
+    def _index(self, node: Node) -> int:
         if node not in self._known:
             self._known[node] = len(self.nodes)
             self.nodes.append(node)
@@ -49,11 +51,7 @@ class Graph:
         above, below, sign = self._factors(exponent)
         logarithms = [k for k in above if self.nodes[k].kind == "ln"]
         if len(logarithms) != 1:
-            node = Node("exp", (exponent,))
-            if node not in self._known:
-                self._known[node] = len(self.nodes)
-                self.nodes.append(node)
-            return self._known[node]
+            return self._index(Node("exp", (exponent,)))
         above.remove(logarithms[0])
         power = self._product(above)
         if below:

@@ -90,37 +90,17 @@ def updated_history(
         values[0][channel], values[1][channel] = mean, after[0]
         slopes[0][channel], slopes[1][channel] = slope * interval, after[1] * interval
     for term in model.delays:
-        lag = model.lag(term, parameter)
-        depth = term.depth
+        lag, size = model.lag(term, parameter), 4 * term.depth
         for channel in _delayed(term):
-            past = history[start + 2 : start + 2 + 4 * depth]
-            ahead = [(values[k][channel], slopes[k][channel]) for k in range(2)]
-            kept += _shifted(history[start : start + 2], past, ahead, begins, ends)
-            start += 2 + 4 * depth
-            delayed[channel] = _looked_up(past, depth, lag, delayed[channel])
+            # Value and slope at the start of the interval, then of past ones, the latest first.
+            past = history[start + 2 : start + 2 + size]
+            value = ca.if_else(begins, values[0][channel], history[start])
+            slope = ca.if_else(begins, slopes[0][channel], history[start + 1])
+            start += 2 + size
+            whole = ca.vertcat(value, values[1][channel], slope, slopes[1][channel])
+            kept += [value, slope, ca.if_else(ends, ca.vertcat(whole, past[: size - 4]), past)]
+            delayed[channel] = _looked_up(past, term.depth, lag, delayed[channel])
     return ca.vertcat(*kept), ca.vertcat(*delayed)
-
-
-def _shifted(
-    waiting: Expression,
-    past: Expression,
-    ahead: list[tuple[Expression, Expression]],
-    begins: Expression,
-    ends: Expression,
-) -> list[Expression]:
-    """Buffer of a delayed channel after one substep.
-
-    Args:
-        waiting: (2,) value and slope at the start of the sample interval.
-        past: (4 n_interval,) values and slopes of the past intervals, the latest first.
-        ahead: Value and slope at the start and at the end of the substep.
-        begins: Whether the substep is the first of its interval.
-        ends: Whether it is the last.
-    """
-    first = [ca.if_else(begins, ahead[0][k], waiting[k]) for k in range(2)]
-    whole = ca.vertcat(first[0], ahead[1][0], first[1], ahead[1][1])
-    moved = ca.vertcat(whole, past[: past.numel() - 4])
-    return [*first, ca.if_else(ends, moved, past)]
 
 
 def _delayed(term: AbstractDelay) -> tuple[int, ...]:

@@ -18,7 +18,15 @@ from typing import Final
 import casadi as ca
 import numpy as np
 
-from identification.model.lowering import BINARY, LANES, UNARY, VECTOR, Operations, Value
+from identification.model.lowering import (
+    BINARY,
+    LANES,
+    UNARY,
+    VECTOR,
+    Operations,
+    Value,
+    translated,
+)
 from identification.model.machine import Loaded, compiled
 
 __all__ = ["Interpreted"]
@@ -40,11 +48,13 @@ class Interpreted:
         # Held here: of two machines that threads load at once, the cache keeps only one.
         self._machine = _machine()
         self._widths = step.size1_in(1), step.size1_out(1)
-        self._literals: list[float] = [0.0]
-        self._before = [(_LITERAL, 0, 0, 0)]
+        self._literals: list[float] = []
+        self._before: list[tuple[int, int, int, int]] = []
         self._body: list[tuple[int, int, int, int]] = []
-        self._fixed = [True]
-        stores = self._translated(step)
+        self._fixed: list[bool] = []
+        carry, output = translated(step, self._literal, self._loaded, self._operation)
+        stores = [(_OUTPUT, row, place, 0) for row, place in enumerate(output)]
+        stores += [(_NEXT, row, place, 0) for row, place in enumerate(carry)]
         self._begin = len(self._before)
         self._program = np.array([*self._before, *self._body, *stores], dtype=np.int32)
         self._table = np.array(self._literals)
@@ -60,31 +70,16 @@ class Interpreted:
             self._begin, len(self._program), *self._widths,
         )  # fmt: skip
 
-    def _translated(self, step: ca.Function) -> list[tuple[int, int, int, int]]:
-        """Append the operations of the step; return those that store its results."""
-        places: dict[int, int] = {}
-        loaded: dict[tuple[int, int], int] = {}
-        results = [[0] * step.size1_out(k) for k in range(2)]
-        for k in range(step.n_instructions()):
-            operation, target = step.instruction_id(k), step.instruction_output(k)
-            if operation == ca.OP_CONST:
-                self._literals.append(step.instruction_constant(k))
-                places[target[0]] = self._added(_LITERAL, len(self._literals) - 1, fixed=True)
-            elif operation == ca.OP_INPUT:
-                which, row = step.instruction_input(k)
-                if (which, row) not in loaded:
-                    code = (_CARRY, _INPUT, _PARAMETER)[which]
-                    loaded[which, row] = self._added(code, row, fixed=which == 2)
-                places[target[0]] = loaded[which, row]
-            elif operation == ca.OP_OUTPUT:
-                results[target[0]][target[1]] = places[step.instruction_input(k)[0]]
-            else:
-                operands = step.instruction_input(k)
-                a, b = places[operands[0]], places[operands[-1]]
-                fixed = self._fixed[a] and self._fixed[b]
-                places[target[0]] = self._added(operation, a, b, fixed=fixed)
-        stores = [(_OUTPUT, row, place, 0) for row, place in enumerate(results[1])]
-        return stores + [(_NEXT, row, place, 0) for row, place in enumerate(results[0])]
+    def _literal(self, value: float) -> int:
+        self._literals.append(value)
+        return self._added(_LITERAL, len(self._literals) - 1, fixed=True)
+
+    def _loaded(self, which: int, row: int) -> int:
+        return self._added((_CARRY, _INPUT, _PARAMETER)[which], row, fixed=which == 2)
+
+    def _operation(self, operation: int, operands: list[int]) -> int:
+        a, b = operands[0], operands[-1]
+        return self._added(operation, a, b, fixed=self._fixed[a] and self._fixed[b])
 
     def _added(self, operation: int, a: int, b: int = 0, *, fixed: bool) -> int:
         """Place of the result of one more operation; a fixed one precedes the loop."""
@@ -132,23 +127,19 @@ def _memory_cases() -> list[str]:
             f"  store {VECTOR} %v{code}, ptr %target, align 8",
             "  br label %next",
         ]
-    for code, source in ((_PARAMETER, "%p"), (_CARRY, "%carry")):
+    pointers = {_PARAMETER: "%p", _CARRY: "%carry", _OUTPUT: "%y", _NEXT: "%carry"}
+    for code, pointer in pointers.items():
+        is_load = code in (_PARAMETER, _CARRY)
         lines += [
             f"case{code}:",
-            f"  %o{code} = mul i64 %stride, %i",
-            f"  %p{code} = getelementptr double, ptr {source}, i64 %o{code}",
-            f"  %v{code} = load {VECTOR}, ptr %p{code}, align 8",
-            f"  store {VECTOR} %v{code}, ptr %target, align 8",
-            "  br label %next",
+            f"  %o{code} = mul i64 %stride, {'%i' if is_load else '%d'}",
+            f"  %p{code} = getelementptr double, ptr {pointer}, i64 %o{code}",
         ]
-    for code, target in ((_OUTPUT, "%y"), (_NEXT, "%carry")):
-        lines += [
-            f"case{code}:",
-            f"  %o{code} = mul i64 %stride, %d",
-            f"  %p{code} = getelementptr double, ptr {target}, i64 %o{code}",
-            f"  store {VECTOR} %a, ptr %p{code}, align 8",
-            "  br label %next",
-        ]
+        source, target = "%a", f"%p{code}"
+        if is_load:
+            source, target = f"%v{code}", "%target"
+            lines.append(f"  {source} = load {VECTOR}, ptr %p{code}, align 8")
+        lines += [f"  store {VECTOR} {source}, ptr {target}, align 8", "  br label %next"]
     return lines
 
 

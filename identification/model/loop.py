@@ -36,19 +36,16 @@ _FIRST_BLOCK: Final = [
 def lower(step: ca.Function, prepare: ca.Function | None = None) -> str:
     """LLVM module with a function ``scan`` that repeats `step` over time for a block of lanes.
 
-    Args:
-        step: SX function (carry, input, parameter) -> (carry, output).
-        prepare: Optional SX function (nothing, input, parameter) -> (nothing, prepared).  The step
-            then takes the prepared values, interpolated between the rows at which they are
-            computed, in place of the parameters, and has no output.
+    The step is an SX function (carry, input, parameter) -> (carry, output), `prepare` one (nothing,
+    input, parameter) -> (nothing, prepared).  With `prepare` the step takes the prepared values,
+    interpolated between the rows at which they are computed, in place of the parameters, and has no
+    output.
 
     Raises:
         ComputationError: The step uses an operation that has no translation.
     """
-    return _plain(step) if prepare is None else _interpolated(step, prepare)
-
-
-def _plain(step: ca.Function) -> str:
+    if prepare is not None:
+        return _interpolated(step, prepare)
     body = Translation(step)
     n_input, n_output, n_carry = step.size1_in(1), len(body.output), len(body.carry)
     stores: list[str] = []

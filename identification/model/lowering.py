@@ -13,14 +13,23 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import casadi as ca
 
 from identification.errors import ComputationError
-from identification.model.vectors import vector_function, vector_width
+from identification.model.vectors import vector_functions, vector_width
 
-__all__ = ["BINARY", "LANES", "UNARY", "VECTOR", "Operations", "Translation", "Value"]
+__all__ = [
+    "BINARY",
+    "LANES",
+    "UNARY",
+    "VECTOR",
+    "Operations",
+    "Translation",
+    "Value",
+    "translated",
+]
 
 LANES: Final = 8
 """Lanes of one block: two AVX2 registers, so that two independent chains hide the latency."""
@@ -63,6 +72,10 @@ UNARY: Final = (
 
 BINARY: Final = (*_BINARY, *_COMPARE, *_INTRINSIC_2, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
 """Operations of two operands that have a translation."""
+
+
+Result = TypeVar("Result")
+"""Translation of an expression."""
 
 
 class Value(NamedTuple):
@@ -202,7 +215,7 @@ class Operations:
         self, name: str, kind: str, operands: list[str], emit: Callable[[str], Value]
     ) -> Value:
         """Call of a function of one or two operands, in a vector version if the machine has one."""
-        symbol = vector_function(name) if kind == VECTOR else None
+        symbol = vector_functions().get(name) if kind == VECTOR else None
         width = vector_width()
         if symbol is not None and width == LANES:
             return emit(self._call(symbol, VECTOR, operands))
@@ -226,14 +239,11 @@ class Operations:
 
 
 class Translation(Operations):
-    """LLVM instructions of one function of carry, input and parameter.
+    """LLVM instructions of a SX function (carry, input, parameter) -> (carry, output).
 
-    Args:
-        step: SX function (carry, input, parameter) -> (carry, output).
-        prefix: Prefix of the register names.
-        pointer: Name of the pointer to the row of inputs.
-        given: Whether the parameters are registers ``%q0``, ``%q1``, ... that change from step to
-            step; otherwise they are loaded before the loop.
+    The registers have a prefix; `pointer` is the name of the pointer to the row of inputs.  Given
+    parameters are registers ``%q0``, ``%q1``, ... that change from step to step; otherwise they are
+    loaded before the loop.
 
     Raises:
         ComputationError: The function uses an operation that has no translation.
@@ -244,50 +254,48 @@ class Translation(Operations):
     ) -> None:
         super().__init__(prefix)
         self._pointer, self._given = pointer, given
-        self._loaded: dict[tuple[int, int], Value] = {}
-        self.carry, self.output = self._translated(step)
-
-    def _translated(self, step: ca.Function) -> tuple[list[str], list[str]]:
-        """Names of the vectors that hold the next carry and the output."""
-        work: dict[int, Value] = {}
-        results = [[_literal(0.0)] * step.size1_out(k) for k in range(2)]
-        identify, outputs, inputs = (
-            step.instruction_id, step.instruction_output, step.instruction_input,
-        )  # fmt: skip
-        for k in range(step.n_instructions()):
-            operation = identify(k)
-            target = outputs(k)
-            if operation == ca.OP_CONST:
-                work[target[0]] = _literal(step.instruction_constant(k))
-            elif operation == ca.OP_INPUT:
-                work[target[0]] = self._input(*inputs(k))
-            elif operation == ca.OP_OUTPUT:
-                which, row = target
-                results[which][row] = work[inputs(k)[0]]
-            else:
-                operands = [work[j] for j in inputs(k)]
-                work[target[0]] = self.operation(operation, operands)
-        carry, output = ([self._as_vector(value) for value in values] for values in results)
-        return carry, output
+        found = translated(step, _literal, self._input, self.operation)
+        self.carry, self.output = ([self._as_vector(value) for value in each] for each in found)
 
     def _input(self, which: int, row: int) -> Value:
         if which == 0:
             return Value(f"%carry{row}", "lane")
         if which == 2 and self._given:
             return Value(f"%q{row}", "lane")
-        key = (which, row)
-        if key not in self._loaded:
-            self._loaded[key] = self._load_input(row) if which == 1 else self._load_parameter(row)
-        return self._loaded[key]
-
-    def _load_input(self, row: int) -> Value:
-        address = self._emit("shared", f"getelementptr double, ptr {self._pointer}, i64 {row}")
-        return self._emit("shared", f"load double, ptr {address.name}, align 8")
-
-    def _load_parameter(self, row: int) -> Value:
+        if which == 1:
+            address = self._emit("shared", f"getelementptr double, ptr {self._pointer}, i64 {row}")
+            return self._emit("shared", f"load double, ptr {address.name}, align 8")
         offset = self._emit("constant", f"mul i64 %stride, {row}")
         address = self._emit("constant", f"getelementptr double, ptr %p, i64 {offset.name}")
         return self._emit("constant", f"load {VECTOR}, ptr {address.name}, align 8")
+
+
+def translated(
+    function: ca.Function,
+    constant: Callable[[float], Result],
+    given: Callable[[int, int], Result],
+    operation: Callable[[int, list[Result]], Result],
+) -> list[list[Result]]:
+    """Elements of each output of an SX function, from what its operations are translated to.
+
+    An element of an input is given by the indices of input and row.
+    """
+    work: dict[int, Result] = {}
+    results = [[constant(0.0)] * function.size1_out(k) for k in range(function.n_out())]
+    identify, outputs, inputs = (
+        function.instruction_id, function.instruction_output, function.instruction_input,
+    )  # fmt: skip
+    for k in range(function.n_instructions()):
+        code, target = identify(k), outputs(k)
+        if code == ca.OP_CONST:
+            work[target[0]] = constant(function.instruction_constant(k))
+        elif code == ca.OP_INPUT:
+            work[target[0]] = given(*inputs(k))
+        elif code == ca.OP_OUTPUT:
+            results[target[0]][target[1]] = work[inputs(k)[0]]
+        else:
+            work[target[0]] = operation(code, [work[j] for j in inputs(k)])
+    return results
 
 
 def _stage_of(operands: list[Value]) -> str:

@@ -7,7 +7,6 @@ interpolated (see `loop.py`).  If all samples have unit weight, no weights are r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,9 +21,8 @@ from identification.model.scan import Scan, scan_of
 from identification.model.step import step_function, transition_functions
 from identification.model.step_plan import StepPlan
 from identification.model.substeps import Counts, first_rows
-from identification.model.weighting import Weighting
 
-__all__ = ["MisfitLoop", "compared", "is_slow", "misfit_loop"]
+__all__ = ["MisfitLoop", "is_slow", "misfit_loop"]
 
 _STRAIGHT_DEGC: Final = 2e-3
 """Largest deviation of the temperature from linear interpolation between computed transitions; it
@@ -39,13 +37,10 @@ class MisfitLoop:
     """Compiled misfit loop and the layout of its input rows."""
 
     scan: Scan
-    """The compiled loop."""
     columns: tuple[int, ...]
     """Columns of the inputs on which the model depends."""
     weighted: bool
     """Whether each row holds a weight for each channel."""
-    divided: bool
-    """Whether sample intervals have substeps, so that not every row is a sample."""
 
     def rows(
         self, inputs: Array, measured: Array, weights: Array, counts: Counts | None = None
@@ -63,38 +58,6 @@ class MisfitLoop:
         is_sample[first_rows(counts)] = 1.0
         repeated = np.repeat(compared, counts, axis=0)
         return np.column_stack([inputs[:, self.columns], repeated, is_sample])
-
-
-def compared(
-    model: MotorModel,
-    plan: StepPlan,
-    records: Sequence[Record],
-    inputs: Sequence[Array],
-    substeps: Sequence[Counts] | None,
-    weighting: Weighting,
-) -> tuple[MisfitLoop, list[Array]]:
-    """Misfit loop for a noise model, and its input rows for each record.
-
-    The state transition is interpolated for the nominal model without substeps, if all records are
-    sampled uniformly and their smoothed temperature is nearly linear between the computed
-    transitions.  The inputs of a record are (n_row, n_input), the substeps of its intervals
-    (n_sample,).
-    """
-    weights = [weighting.sample_weights(k) for k in range(len(records))]
-    is_plain = not model.terms and substeps is None
-    loop = misfit_loop(
-        model,
-        plan,
-        tuple(tuple(float(tap) for tap in taps) for taps in weighting.whitening),
-        weighted=any(np.any(weight != 1.0) for weight in weights),
-        interpolated=is_plain and all(is_slow(record) for record in records),
-        divided=substeps is not None,
-    )
-    counts: Sequence[Counts | None] = substeps or [None] * len(records)
-    return loop, [
-        loop.rows(row, record.measured, weight, count)
-        for row, record, weight, count in zip(inputs, records, weights, counts, strict=True)
-    ]
 
 
 def misfit_loop(
@@ -137,7 +100,7 @@ def misfit_loop(
     if prepare is not None:
         own = ca.SX.sym("p", prepare.numel_in(2))
         wide = ca.Function("prepare", [nothing, row, own], list(prepare(nothing, u, own)))
-    return MisfitLoop(scan_of(step, wide), columns, weighted, divided)
+    return MisfitLoop(scan_of(step, wide), columns, weighted)
 
 
 def is_slow(record: Record) -> bool:

@@ -13,6 +13,7 @@ import casadi as ca
 
 from identification.model.composite import CHANNELS, INPUTS, MotorModel
 from identification.model.expression_graph import Graph, Node
+from identification.model.lowering import translated
 
 __all__ = ["printed_equations"]
 
@@ -25,6 +26,7 @@ _UNARY: Final = {
     ca.OP_NEG: "neg", ca.OP_SQRT: "sqrt", ca.OP_EXP: "exp", ca.OP_LOG: "ln", ca.OP_SIN: "sin",
     ca.OP_COS: "cos", ca.OP_FABS: "abs", ca.OP_TANH: "tanh", ca.OP_SIGN: "sgn", ca.OP_NOT: "not",
 }  # fmt: skip
+_SIGNS: Final = {"-": "−", "<": "&lt;"}
 _SYMBOLS: Final = {
     "current": "i", "speed": "ω", "voltage": "v", "temperature": "T", "angle": "φ", "time": "t",
     "peak_temperature": "T_peak", "temperature_rate": "dT/dt",
@@ -58,8 +60,17 @@ def printed_equations(model: MotorModel) -> dict[str, str]:
         [model.rates(state, inputs, parameter), model.logged(state, inputs, parameter)],
     )
     graph = Graph()
-    rates, logged = _roots(graph, function, names)
-    lefts = {f"d{name}/dt": _rate(name) for name in states}
+    rates, logged = translated(
+        function,
+        graph.number,
+        lambda which, row: graph.add("name", label=names[which][row]),
+        lambda operation, operands: _operation(graph, operation, operands),
+    )
+    lefts = {
+        f"d{name}/dt": f"<mfrac><mrow><mi>d</mi>{_name(name)}</mrow>"
+        "<mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+        for name in states
+    }
     wanted = dict(zip(lefts, rates, strict=True))
     for channel, root in zip(("current", "speed"), logged, strict=True):
         symbol = _SYMBOLS[channel]
@@ -93,27 +104,6 @@ def _short(names: list[str]) -> list[str]:
         short if count[short] == 1 or short == name else name
         for name, short in zip(names, bare, strict=True)
     ]
-
-
-def _roots(
-    graph: Graph, function: ca.Function, names: tuple[list[str], list[str], list[str]]
-) -> tuple[list[int], list[int]]:
-    """Nodes of the rates and of the logged channels."""
-    work: dict[int, int] = {}
-    outputs: tuple[list[int], list[int]] = ([0] * function.size1_out(0), [0, 0])
-    for k in range(function.n_instructions()):
-        operation, target = function.instruction_id(k), function.instruction_output(k)
-        if operation == ca.OP_CONST:
-            work[target[0]] = graph.number(function.instruction_constant(k))
-        elif operation == ca.OP_INPUT:
-            which, row = function.instruction_input(k)
-            work[target[0]] = graph.add("name", label=names[which][row])
-        elif operation == ca.OP_OUTPUT:
-            outputs[target[0]][target[1]] = work[function.instruction_input(k)[0]]
-        else:
-            operands = [work[j] for j in function.instruction_input(k)]
-            work[target[0]] = _operation(graph, operation, operands)
-    return outputs
 
 
 def _operation(graph: Graph, operation: int, operands: list[int]) -> int:
@@ -192,7 +182,7 @@ class _Printer:
             left = _RELATION + 1 if kind in "<≤=" else _SUM
             first = self.text(children[0], left)
             second = self.text(children[1], left + (kind == "-"))
-            return f"{first}<mo>{html.escape(_sign(kind))}</mo>{second}", left - (kind in "<≤=")
+            return f"{first}<mo>{_SIGNS.get(kind, kind)}</mo>{second}", left - (kind in "<≤=")
         if kind == "*":
             first, second = (self.text(child, _PRODUCT) for child in children)
             return f"{first}<mspace width='0.2em'/>{second}", _PRODUCT
@@ -230,14 +220,6 @@ class _Printer:
 
 def _math(content: str) -> str:
     return f'<math display="block">{content}</math>'
-
-
-def _sign(kind: str) -> str:
-    return "−" if kind == "-" else kind
-
-
-def _rate(name: str) -> str:
-    return f"<mfrac><mrow><mi>d</mi>{_name(name)}</mrow><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
 
 
 def _name(name: str) -> str:

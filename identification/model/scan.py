@@ -72,8 +72,7 @@ class Scan:
         step: CasADi SX function with inputs carry (n_carry,), input (n_input,), parameter
             (n_parameter,) and outputs carry (n_carry,), output (n_output,).
         prepare: Optional SX function (nothing, input, parameter) -> (nothing, prepared) of slowly
-            varying quantities.  The step then takes the prepared values, interpolated over rows, in
-            place of the parameters, and has no output.
+            varying quantities; see `loop.lower`.
         effort: ``once`` for a loop that runs a few times, ``some`` for one that runs in a fit,
             ``most`` for one that a sampler runs thousands of times.
         key: Key of the machine code in the cache on disk; None for no caching.
@@ -135,20 +134,20 @@ class Scan:
         all or for each one.  The carry (n_carry, n_lane) is that before the first step and is
         returned after the last one, with the outputs (n_step, n_output, n_lane).
         """
-        shared = isinstance(parameters, np.ndarray)
         tasks, finals, outputs = [], [], []
+        if isinstance(parameters, np.ndarray):
+            given = [_padded(parameters)] * len(inputs)
+        else:
+            given = [_padded(own) for own in parameters]
         keep: list[Array] = []
-        padded_shared = _padded(parameters) if isinstance(parameters, np.ndarray) else None
-        for k, (rows, start) in enumerate(zip(inputs, carries, strict=True)):
+        for rows, padded, start in zip(inputs, given, carries, strict=True):
             n_lane = start.shape[1]
             carry = _padded(start)
-            padded = padded_shared if shared else _padded(parameters[k])
-            assert padded is not None
             self._check(rows, padded, carry)
             rows = np.ascontiguousarray(rows, dtype=np.float64)
             stride = carry.shape[1]
             output = np.empty((rows.shape[0], self.n_output, stride))
-            keep += [rows, padded]
+            keep.append(rows)
             for block in range(0, stride, LANES):
                 tasks.append(
                     (

@@ -27,7 +27,7 @@ from identification.model.blocks import sampled, stretch
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record, squares_of
 from identification.model.history import initial_history
-from identification.model.misfit import MisfitLoop, compared
+from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
 from identification.model.scan import Effort, Scan, scan_of
 from identification.model.step import advance, step_function
 from identification.model.step_plan import StepPlan, plan_for, stiffness
@@ -81,11 +81,8 @@ class Simulator:
     """Model prepared for simulation over records."""
 
     model: MotorModel
-    """The model."""
     records: tuple[Record, ...]
-    """Records that drive the model."""
     plan: StepPlan
-    """Step plan; see `plan_for`."""
     substeps: tuple[Counts, ...] | None = None
     """For each record (n_sample,) substeps of each sample interval; None for one each."""
 
@@ -247,6 +244,13 @@ class Simulator:
         return replace(self, substeps=substeps)
 
     @property
+    def steps(self) -> int:
+        """Number of integration steps of one simulation of all records."""
+        if self.substeps is None:
+            return sum(record.rows for record in self.records)
+        return sum(int(counts.sum()) for counts in self.substeps)
+
+    @property
     def n_state(self) -> int:
         """Number of states."""
         return len(self.model.state_names)
@@ -291,11 +295,29 @@ class Simulator:
         key = (weighting.records, weighting.robust, weighting.whitening)
         kept = self._kept.get("compared")
         if kept is None or any(a is not b for a, b in zip(kept[0], key, strict=True)):
-            found = compared(
-                self.model, self.plan, self.records, self.inputs, self.substeps, weighting
-            )
-            kept = self._kept["compared"] = (key, found)
+            kept = self._kept["compared"] = (key, self._misfit_loop(weighting))
         return kept[1]
+
+    def _misfit_loop(self, weighting: Weighting) -> tuple[MisfitLoop, list[Array]]:
+        """Misfit loop and rows, as above.
+
+        The state transition is interpolated for the nominal model without substeps, if all records
+        are sampled uniformly and their smoothed temperature is nearly linear between the computed
+        transitions.
+        """
+        weights = [weighting.sample_weights(k) for k in range(len(self.records))]
+        is_plain = not self.model.terms and self.substeps is None
+        loop = misfit_loop(
+            self.model,
+            self.plan,
+            tuple(tuple(float(tap) for tap in taps) for taps in weighting.whitening),
+            weighted=any(np.any(weight != 1.0) for weight in weights),
+            interpolated=is_plain and all(is_slow(record) for record in self.records),
+            divided=self.substeps is not None,
+        )
+        counts: Sequence[Counts | None] = self.substeps or [None] * len(self.records)
+        given = zip(self.inputs, self.records, weights, counts, strict=True)
+        return loop, [loop.rows(rows, one.measured, w, count) for rows, one, w, count in given]
 
     @cached_property
     def _kept(self) -> dict[str, tuple[tuple[object, ...], tuple[MisfitLoop, list[Array]]]]:

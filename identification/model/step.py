@@ -125,17 +125,13 @@ def _inputs_within(hold: Hold, *, is_averaged: bool = False) -> ca.Function:
     now, slope = [], []
     for name in INPUTS:
         change = column.get(f"{name}_next", column[name]) - column[name]
-        if name == "temperature" or (name == "angle" and is_averaged):
-            # Held at its mid-interval value.  A linear change would enter through df/dt alone and
-            # leave A at the start temperature, a first-order error in the heating.
-            now.append(column[name] + 0.5 * change)
-            slope.append(ca.SX(0))
-        elif name == "angle" or (name == "voltage" and hold == "foh"):
-            now.append(column[name])
-            slope.append(change * inverse)
-        else:
-            now.append(column[name])
-            slope.append(ca.SX(1 if name == "time" else 0))
+        # Held at its mid-interval value.  A linear change would enter through df/dt alone and
+        # leave A at the start temperature, a first-order error in the heating.
+        is_middle = name == "temperature" or (name == "angle" and is_averaged)
+        is_linear = name == "angle" or (name == "voltage" and hold == "foh")
+        now.append(column[name] + 0.5 * change if is_middle else column[name])
+        held = ca.SX(1 if name == "time" else 0)
+        slope.append(change * inverse if is_linear and not is_middle else held)
     return ca.Function("within", [inputs], [ca.vertcat(*now), ca.vertcat(*slope)])
 
 

@@ -15,9 +15,9 @@ Source: Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 2
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import casadi as ca
 import numpy as np
@@ -65,19 +65,25 @@ def divided(inputs: Array, counts: Counts, hold: Hold) -> Array:
     rows = np.repeat(inputs, counts, axis=0)
     number = np.repeat(counts, counts).astype(np.float64)
     index = np.arange(rows.shape[0]) - np.repeat(first_rows(counts), counts)
-    column = {name: k for k, name in enumerate(INPUTS)}
-    whole = rows[:, column["interval"]].copy()
-    rows[:, column["interval"]] = whole / number
-    rows[:, column["time"]] += whole * index / number
-    for name in _moving(hold):
-        start = rows[:, column[name]].copy()
-        change = rows[:, column[f"{name}_next"]] - start
-        rows[:, column[name]] = start + change * index / number
-        rows[:, column[f"{name}_next"]] = start + change * (index + 1) / number
-    rows[:, column["turn"]] /= number
-    rows[:, column["substep"]] = index
-    rows[:, column["substeps"]] = number
-    return rows
+    part = _part(rows.T, hold, index, number) | {"substep": index, "substeps": number}
+    return np.column_stack([part[name] for name in INPUTS])
+
+
+def _part(
+    inputs: Iterable[Any], hold: Hold, index: Any, number: Any
+) -> dict[str, Array | Expression]:
+    """Inputs of the substep with an index from zero, of so many; arrays or expressions."""
+    row = dict(zip(INPUTS, inputs, strict=True))
+    moving = ("temperature", "angle") if hold == "zoh" else ("voltage", "temperature", "angle")
+    for name in moving:
+        start = row[name]
+        change = row[f"{name}_next"] - start
+        row[name] = start + change * index / number
+        row[f"{name}_next"] = start + change * (index + 1) / number
+    whole = row["interval"]
+    row["time"] = row["time"] + whole * index / number
+    row["interval"], row["turn"] = whole / number, row["turn"] / number
+    return row
 
 
 @lru_cache
@@ -85,32 +91,12 @@ def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
     """Loop that advances in half steps and outputs their difference from the whole step, (2,)."""
     x, u, p = model.symbols()
     step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
-    first, second = _halves(u, model.held)
+    parts = [_part(ca.vertsplit(u), model.held, half, 2) for half in range(2)]
+    first, second = (ca.vertcat(*[part[name] for name in INPUTS]) for part in parts)
     end = step(step(x, first, p), second, p)
     return scan_of(
         ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="once"
     )
-
-
-def _halves(inputs: Expression, hold: Hold) -> tuple[Expression, Expression]:
-    """Inputs (n_input,) of the two halves of an interval, as expressions."""
-    found = []
-    for half in range(2):
-        row = {name: inputs[k] for k, name in enumerate(INPUTS)}
-        whole = row["interval"]
-        for name in _moving(hold):
-            start, end = row[name], row[f"{name}_next"]
-            row[name] = start + (end - start) * half / 2
-            row[f"{name}_next"] = start + (end - start) * (half + 1) / 2
-        row["time"] = row["time"] + whole * half / 2
-        row["interval"], row["turn"] = whole / 2, row["turn"] / 2
-        found.append(ca.vertcat(*[row[name] for name in INPUTS]))
-    return found[0], found[1]
-
-
-def _moving(hold: Hold) -> tuple[str, ...]:
-    """Inputs that vary linearly within an interval."""
-    return ("temperature", "angle") if hold == "zoh" else ("voltage", "temperature", "angle")
 
 
 def refined(
@@ -123,13 +109,10 @@ def refined(
 ) -> tuple[Counts, ...]:
     """Substeps of all records after one measurement of the integration errors, block by block.
 
-    Args:
-        loop: Model and step plan.
-        inputs: For each record (n_sample, n_input).
-        substeps: For each record (n_sample,) counts at which the errors are measured.
-        start: (n_parameter, 1) physical values, and for each record the initial state (n_state, 1).
-        tolerance: (2,) allowed error of current and speed per sample interval [A, rad/s].
-        most: Largest count.
+    For each record the inputs are (n_sample, n_input), the counts at which the errors are measured
+    (n_sample,).  The start has physical values (n_parameter, 1), and an initial state (n_state, 1)
+    of each record.  The tolerance is the allowed error of current and speed per sample interval
+    (2,) [A, rad/s], `most` the largest count.
     """
     scan, values, carries = error_scan(*loop), start[0], list(start[1])
     found = tuple(counts.copy() for counts in substeps)

@@ -91,9 +91,8 @@ def tangent_blocks(
     carries = [np.concatenate([carry, start]) for carry in simulator.carries(states, lanes)]
     scan = _tangent_scan(simulator.model, simulator.plan)
     lengths = [record.rows for record in simulator.records]
-    whole = sum(inputs.shape[0] for inputs in simulator.inputs)
     tails: dict[int, Array] = {}
-    for going, parts in blocks(lengths, whole, lead, rows):
+    for going, parts in blocks(lengths, simulator.steps, lead, rows):
         first = parts[0].start
         stretches = [simulator.stretch(k, part) for k, part in zip(going, parts, strict=True)]
         ends, outputs = scan(

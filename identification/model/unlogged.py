@@ -71,12 +71,9 @@ class Unlogged:
         return (*warming, *[self._middle(run) for run in self.runs if run != self.reference])
 
     def of(self, logged: Expression, run: Expression, values: Sequence[Expression]) -> Expression:
-        """Temperature of a run [degC].
+        """Temperature of a run by its index [degC], with one value for each of `parameters`.
 
-        Args:
-            logged: Logged temperature or, without one, a ramp by `RAMP` around `expected` [degC].
-            run: Index of the run.
-            values: One for each of `parameters`.
+        Without a logged temperature, `logged` is a ramp by `RAMP` around `expected` [degC].
         """
         middles = iter(values[len(self.runs) :])
         passed = (logged - self.expected) / RAMP

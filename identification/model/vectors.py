@@ -16,16 +16,11 @@ from typing import Final
 
 import llvmlite.binding as llvm
 
-__all__ = ["vector_function", "vector_functions", "vector_width"]
+__all__ = ["vector_functions", "vector_width"]
 
 _LIBRARY: Final = "libmvec.so.1"
 _NAMES: Final = {"exp": "v", "log": "v", "sin": "v", "cos": "v", "pow": "vv"}
 """Functions and the letters of their operands in the names of their versions."""
-
-
-def vector_function(name: str) -> str | None:
-    """Symbol of the version of exp, log, sin, cos or pow for `vector_width` lanes, or None."""
-    return vector_functions().get(name)
 
 
 @functools.cache
@@ -36,7 +31,7 @@ def vector_width() -> int:
 
 @functools.cache
 def vector_functions() -> dict[str, str]:
-    """Available vector functions, name to symbol; loads their library into the process."""
+    """Symbols of the available versions for `vector_width` lanes; loads their library."""
     if not llvm.get_host_cpu_features().get("avx2", False):
         return {}
     try:

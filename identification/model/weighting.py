@@ -26,7 +26,6 @@ class Weighting:
     """Noise model of the two channels."""
 
     records: tuple[Record, ...]
-    """The records whose samples are weighted."""
     deviation: Array
     """(2,) standard deviation of the whitened residuals [A, rad/s]."""
     whitening: tuple[Array, Array]

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from identification.model import kernels, machine
+from identification.model import machine
 from identification.model.scan import Scan
 
 Array = NDArray[np.float64]
@@ -25,12 +25,12 @@ KEY = "a" * 64
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Cache folder of the test, detected again before and after it."""
     monkeypatch.setenv("MOTORID_CACHE", str(tmp_path))
-    kernels._folder.cache_clear()
-    found = kernels._folder()
+    machine._folder.cache_clear()
+    found = machine._folder()
     assert found is not None
     assert found.is_relative_to(tmp_path)
     yield found
-    kernels._folder.cache_clear()
+    machine._folder.cache_clear()
 
 
 def braking() -> ca.Function:
@@ -67,10 +67,10 @@ def test_a_cached_loop_gives_the_same_bits(folder: Path, monkeypatch: pytest.Mon
 @given(data=st.data())
 def test_a_truncated_or_corrupt_file_is_never_run(data: st.DataObject) -> None:
     """A file with one changed byte, or truncated, counts as a cache miss."""
-    found = kernels._folder()
+    found = machine._folder()
     if found is None:
         pytest.skip("this machine keeps nothing")
-    kernels.keep(KEY, bytes(range(200)))
+    machine.keep(KEY, bytes(range(200)))
     path = found / KEY
     content = path.read_bytes()
     if data.draw(st.booleans()):
@@ -81,7 +81,7 @@ def test_a_truncated_or_corrupt_file_is_never_run(data: st.DataObject) -> None:
         content = content[:place] + changed + content[place + 1 :]
     path.write_bytes(content)
 
-    assert kernels.kept(KEY) is None
+    assert machine.kept(KEY) is None
     path.unlink()
 
 
@@ -91,9 +91,9 @@ def test_a_folder_that_others_can_write_is_not_used(
     """Code in a writable folder is not trusted; the loop is compiled instead."""
     expected = ends(Scan(braking(), key=KEY))
     folder.chmod(0o777)
-    kernels._folder.cache_clear()
+    machine._folder.cache_clear()
 
-    assert kernels.kept(KEY) is None
+    assert machine.kept(KEY) is None
     assert np.array_equal(ends(Scan(braking(), key=KEY)), expected)
 
 
@@ -103,12 +103,12 @@ def test_without_a_cache_folder_loops_are_compiled(
 ) -> None:
     """The folder is disabled or cannot be created; the result is computed by hand."""
     monkeypatch.setenv("MOTORID_CACHE", chosen)
-    kernels._folder.cache_clear()
+    machine._folder.cache_clear()
 
     try:
         found = ends(Scan(braking(), key=KEY))
     finally:
-        kernels._folder.cache_clear()
+        machine._folder.cache_clear()
 
     np.testing.assert_allclose(found[0], 2.5 * np.array([0.5, 1.0, 2.0]))
 
@@ -118,11 +118,11 @@ def test_a_full_cache_removes_its_least_recently_used_half(
 ) -> None:
     """Of six files with a limit of five, three remain: the two newest and the one just read."""
     for number in range(6):
-        kernels.keep(f"{number}", b"code")
+        machine.keep(f"{number}", b"code")
         os.utime(folder / f"{number}", (1000.0 + number, 1000.0 + number))
-    assert kernels.kept("0") == b"code"
-    monkeypatch.setattr(kernels, "_MOST", 5)
-    kernels._folder.cache_clear()
+    assert machine.kept("0") == b"code"
+    monkeypatch.setattr(machine, "_MOST", 5)
+    machine._folder.cache_clear()
 
-    assert kernels._folder() == folder
+    assert machine._folder() == folder
     assert sorted(path.name for path in folder.iterdir()) == ["0", "4", "5"]
