@@ -102,20 +102,14 @@ class ChannelResiduals:
         reach = _CLIP * float(np.median(np.abs(stacked))) / 0.6745
         if not reach > 0:
             return 1.0
-        energy, statistic = 0.0, 0.0
-        products, pairs = np.zeros(lags), np.zeros(lags)
-        for series in self.innovations:
-            if series.size <= lags:
-                continue
-            clipped = np.clip(series, -reach, reach)
-            products += lagged_products(clipped, clipped, lags)[lags + 1 :]
-            energy += float(np.sum(clipped**2))
-            pairs += series.size - np.arange(1, lags + 1)
+        clipped = [np.clip(s, -reach, reach) for s in self.innovations if s.size > lags]
+        energy = sum(float(np.sum(s**2)) for s in clipped)
         if not energy > 0:
             return 1.0
-        size = float(sum(s.size for s in self.innovations if s.size > lags))
-        correlations = products / energy
-        statistic = float(np.sum(correlations**2 * size * (size + 2) / pairs))
+        products = np.sum([lagged_products(s, s, lags)[lags + 1 :] for s in clipped], axis=0)
+        size = float(sum(s.size for s in clipped))
+        pairs = size - len(clipped) * np.arange(1, lags + 1)
+        statistic = float(np.sum((products / energy) ** 2 * size * (size + 2) / pairs))
         return float(stats.chi2.sf(statistic, lags - order))
 
     def voltage_outside(self, level: float) -> float:

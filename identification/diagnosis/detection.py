@@ -61,9 +61,7 @@ class ChannelCheck:
     """Results of the tests of one channel on the runs of one role."""
 
     channel: Channel
-    """``current`` or ``speed``."""
     role: Role
-    """``training`` or ``validation``."""
     noise_ratio: float
     """Root mean square of the residual over the noise [-]."""
     noise_ratio_limit: float
@@ -74,7 +72,6 @@ class ChannelCheck:
     """Fraction of lags at which the correlation with the voltage leaves a band that holds for all
     lags together [-]."""
     passed: bool
-    """Whether all three tests are passed."""
     reason: str
     """The tests that failed, in words, or that none did."""
 
@@ -95,7 +92,6 @@ class Detection:
     missing: bool
     """Whether any check failed."""
     sentence: str
-    """The same in words."""
 
     def of(self, channel: str, role: str) -> tuple[ChannelCheck, ...]:
         """The check of a channel in a role; empty if it was not made."""
@@ -108,17 +104,16 @@ def detect(
     """Apply all residual tests to a fit and its simulated records, with (2,) noise [A, rad/s]."""
     floor = np.asarray(noise, dtype=np.float64)
     training = residuals_of_training(fitted)
-    validation = residuals_of_validation(fit, unseen, floor)
-    questions = _QUESTIONS * (len(training) + len(validation))
-    checks = [
-        _check(channel, "training", left, float(floor[k]), None, LEVEL / questions)
-        for k, (channel, left) in enumerate(zip(_CHANNELS, training, strict=True))
-    ]
-    if validation:
-        checks += [
-            _check(channel, "validation", left, float(floor[k]), training[k], LEVEL / questions)
-            for k, (channel, left) in enumerate(zip(_CHANNELS, validation, strict=True))
-        ]
+    roles: dict[Role, list[ChannelResiduals]] = {
+        "training": training,
+        "validation": residuals_of_validation(fit, unseen, floor),
+    }
+    level = LEVEL / (_QUESTIONS * sum(map(len, roles.values())))
+    checks = []
+    for role, residuals in roles.items():
+        for k, left in enumerate(residuals):
+            reference = None if left is training[k] else training[k]
+            checks.append(_check(_CHANNELS[k], role, left, float(floor[k]), reference, level))
     failed = [check for check in checks if not check.passed]
     return Detection(LEVEL, tuple(checks), bool(failed), _sentence(checks, failed))
 

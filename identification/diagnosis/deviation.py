@@ -102,7 +102,6 @@ class Piece:
     """One record, or a segment of it, in the units of the filter."""
 
     record: Record
-    """The record."""
     entries: Array
     """(n_sample, n_changing) varying entries of A, B and C."""
     targets: Array
@@ -119,13 +118,9 @@ class Piece:
 
     def part(self, start: int, stop: int) -> Piece:
         """A segment of the rows, with the initial variance of the whole piece."""
-        return Piece(
-            self.record,
-            self.entries[start:stop],
-            self.targets[start:stop],
-            self.weight[start:stop],
-            self.spread,
-        )
+        rows = slice(start, stop)
+        entries, targets, weight = self.entries[rows], self.targets[rows], self.weight[rows]
+        return replace(self, entries=entries, targets=targets, weight=weight)
 
 
 @dataclass(frozen=True)
@@ -137,7 +132,6 @@ class Deviation:
     """
 
     structure: Structure
-    """Constant and varying entries of the matrices."""
     pieces: tuple[Piece, ...]
     """One per record."""
     noise: Array
@@ -272,14 +266,8 @@ def _in_units(
 ) -> tuple[Structure, list[Array]]:
     """Structure and rows with states, disturbances and channels divided by their units."""
     states, scale, noise = units
-    right = np.concatenate([states, scale, 1.0 / noise])
-    left = np.concatenate([np.ones(states.size + 2), np.zeros(2)])
-    flat = np.concatenate(
-        [
-            factor / states if is_dynamic else factor * states
-            for factor, is_dynamic in zip(right, left, strict=True)
-        ]
-    )
+    dynamic = np.concatenate([states, scale])[:, None] / states
+    flat = np.concatenate([dynamic.ravel(), ((1.0 / noise)[:, None] * states).ravel()])
     fixed = tuple(
         None if value is None else float(value * factor)
         for value, factor in zip(structure.fixed, flat, strict=True)

@@ -72,7 +72,6 @@ class Symbols:
     """Symbolic Kalman filter of one structure."""
 
     structure: Structure
-    """Sizes and constant entries."""
 
     @property
     def size(self) -> int:
@@ -95,6 +94,22 @@ class Symbols:
     def packed(self, whole: ca.SX) -> ca.SX:
         """Packed lower triangle of a symmetric matrix."""
         return ca.vertcat(*[whole[i, j] for i, j in self.triangle])
+
+    def symmetric(self, whole: ca.SX) -> ca.SX:
+        """Matrix with the lower triangle of another one in both triangles."""
+        return self.full(self.packed(whole))
+
+    def row(self, further: int = 0) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """Entries, targets (2, n_column) and weights (2,) of a row, and hyperparameters of a lane.
+
+        In the smoother, `further` values of a lane select its target column.
+        """
+        return (
+            ca.SX.sym("f", self.structure.changing),
+            ca.SX.sym("y", 2, 1 + self.structure.tangents),
+            ca.SX.sym("w", 2),
+            ca.SX.sym("h", len(HYPER) + further),
+        )
 
     def transition(self, entries: ca.SX, hyper: ca.SX) -> ca.SX:
         """(size, size) transition matrix of the filter state."""
@@ -131,7 +146,7 @@ def predicted(
     moved[:n, :n] += hyper[10] * ca.mtimes(b, b.T)
     for k in range(4):
         moved[n + k, n + k] += hyper[2 * k + 1]
-    return ca.mtimes(f, mean), symbols.full(symbols.packed(moved))
+    return ca.mtimes(f, mean), symbols.symmetric(moved)
 
 
 def updated(
@@ -165,33 +180,23 @@ def started(deviation: Deviation, piece: Piece, hyper: Array) -> Array:
     symbols = Symbols(deviation.structure)
     n = symbols.structure.shape
     lanes = hyper.shape[1]
-    diagonal = np.empty((symbols.size, lanes))
-    diagonal[:n] = piece.spread[:, None]
-    for k in range(4):
-        diagonal[n + k] = hyper[2 * k + 1] / np.maximum(1.0 - hyper[2 * k] ** 2, 1e-300)
+    diagonal = [index for index, (i, j) in enumerate(symbols.triangle) if i == j]
     packed = np.zeros((len(symbols.triangle), lanes))
-    for index, (i, j) in enumerate(symbols.triangle):
-        if i == j:
-            packed[index] = diagonal[i]
+    packed[diagonal[:n]] = piece.spread[:, None]
+    packed[diagonal[n:]] = hyper[1:8:2] / np.maximum(1.0 - hyper[0:8:2] ** 2, 1e-300)
     return packed
 
 
 @lru_cache(32)
 def _filter_scan(structure: Structure) -> Scan:
-    return scan_of(_filter_step(structure))
-
-
-def _filter_step(structure: Structure) -> ca.Function:
-    """Filter step; carries packed covariance, means, innovation products and log variances."""
+    """Filter loop; carries packed covariance, means, innovation products and log variances."""
     symbols = Symbols(structure)
     columns = 1 + structure.tangents
     packed = ca.SX.sym("P", len(symbols.triangle))
     means = ca.SX.sym("m", symbols.size, columns)
     pairs = [(i, j) for i in range(columns) for j in range(i + 1)]
     before, logs = ca.SX.sym("s", len(pairs)), ca.SX.sym("l")
-    entries = ca.SX.sym("f", structure.changing)
-    targets, weight = ca.SX.sym("y", 2, columns), ca.SX.sym("w", 2)
-    hyper = ca.SX.sym("h", len(HYPER))
+    entries, targets, weight, hyper = symbols.row()
     mean, covariance, sums, product = means, symbols.full(packed), before, ca.SX(1)
     for channel, row in enumerate(symbols.seen(entries)):
         white = hyper[8 + channel]
@@ -203,7 +208,7 @@ def _filter_step(structure: Structure) -> ca.Function:
         scaled = z * inverse
         sums = sums + ca.vertcat(*[scaled[i] * z[j] for i, j in pairs])
     mean, covariance = predicted(symbols, mean, covariance, entries, hyper)
-    return ca.Function(
+    step = ca.Function(
         "filter",
         [
             ca.vertcat(packed, ca.vec(means), before, logs),
@@ -215,6 +220,7 @@ def _filter_step(structure: Structure) -> ca.Function:
             ca.SX(0, 1),
         ],
     )
+    return scan_of(step)
 
 
 def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> Likelihood:

@@ -73,9 +73,7 @@ class Deficiency:
     """Missing term of one state equation."""
 
     equation: Literal["electrical", "mechanical"]
-    """``electrical`` or ``mechanical``."""
     unit: Literal["V", "N m"]
-    """``V`` or ``N m``."""
     strength: float
     """Intensity (stationary standard deviation) of the missing term [unit]."""
     time_constant: float
@@ -145,7 +143,7 @@ def localise(fit: Fit) -> Localisation:
     fits = _nested_fits(deviation, _segments(deviation.pieces, _FINE), both.point)
     longest = longest_correlation_time(fits.pieces)
     gains = fits.gains
-    if any(_is_significant(gain, longest) for gain in gains):
+    if any(p_value_of(gain, longest) < 0.5 * LEVEL for gain in gains):
         gains = _gains_without_outliers(deviation, fits, gains)
     both = fits.both
     electrical = _deficiency(deviation, both, 0, gains[0], longest)
@@ -217,10 +215,6 @@ def _gains_without_outliers(
     return min(gains[0], again[0]), min(gains[1], again[1])
 
 
-def _is_significant(gain: float, longest: float) -> bool:
-    return p_value_of(gain, longest) < 0.5 * LEVEL
-
-
 def _relinearised(fit: Fit, both: Hyperparameters, known: Likelihood) -> Deviation:
     """The model linearised at the posterior mean of the parameters with disturbances allowed.
 
@@ -265,5 +259,5 @@ def _deficiency(
         time_constant=float(both.correlation_times[index] * deviation.interval),
         gain=gain,
         p_value=p_value,
-        significant=_is_significant(gain, longest),
+        significant=p_value < 0.5 * LEVEL,
     )

@@ -66,9 +66,9 @@ def maximise(
         step = np.zeros(point.size)
         step[free] = solution(_inverted(inverse)[np.ix_(free, free)], gradient[free])
         predicted = float(gradient @ step)
-        if not predicted > _ENOUGH or (
-            rival is not None and _is_decided(number, value, predicted, rival)
-        ):
+        behind = np.nan if rival is None else rival - value
+        is_hopeless = number >= _TRIED and behind > _FAR + _OPTIMISM * predicted
+        if not predicted > _ENOUGH or behind < _ENOUGH or is_hopeless:
             break
         step *= min(1.0, _LONGEST / np.abs(step).max())
         tries = np.clip(
@@ -92,12 +92,6 @@ def maximise(
         if small > 1:
             break
     return point, value
-
-
-def _is_decided(number: int, value: float, predicted: float, rival: float) -> bool:
-    """Whether the value has reached its rival, or the maximum is sure to stay far below it."""
-    behind = rival - value
-    return behind < _ENOUGH or (number >= _TRIED and behind > _FAR + _OPTIMISM * predicted)
 
 
 def _free(point: Array, gradient: Array, bounds: tuple[Array, Array]) -> NDArray[np.intp]:

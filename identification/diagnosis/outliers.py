@@ -31,7 +31,7 @@ from identification.diagnosis.deviation import Deviation, Piece
 from identification.diagnosis.filtering import Likelihood
 from identification.diagnosis.smoothing import auxiliary_residuals
 from identification.fit.evaluate import Simulated
-from identification.fit.noise import student
+from identification.fit.noise import student_weights
 from identification.model.excitation import squares_of
 from identification.warning import ResultWarning
 
@@ -160,20 +160,7 @@ def with_outliers_weighted(
     parameters under them.
     """
     residuals = auxiliary_residuals(deviation, pieces, hyper, known)
-    weights = [piece.weight.copy() for piece in pieces]
-    is_normal = True
-    for channel in range(2):
-        kept = [
-            residual[:, channel][piece.weight[:, channel] > 0]
-            for piece, residual in zip(pieces, residuals, strict=True)
-        ]
-        stacked = np.concatenate(kept)
-        freedom, scale = student(stacked) if stacked.size else (None, 0.0)
-        if freedom is not None:
-            is_normal = False
-            for weight, residual in zip(weights, residuals, strict=True):
-                ratio = residual[:, channel] / scale
-                weight[:, channel] *= (freedom + 1) / (freedom + ratio**2)
-    if is_normal:
+    found = student_weights(residuals, [piece.weight for piece in pieces])
+    if found is None:
         return None
-    return [replace(piece, weight=weight) for piece, weight in zip(pieces, weights, strict=True)]
+    return [replace(piece, weight=piece.weight * w) for piece, w in zip(pieces, found, strict=True)]

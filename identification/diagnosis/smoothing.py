@@ -18,7 +18,7 @@ Automatica 9 (1973) 503-511.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import casadi as ca
@@ -57,10 +57,7 @@ def auxiliary_residuals(
     Source:
         Harvey, Koopman, J. Business & Economic Statistics 10 (1992) 377-389 (auxiliary residuals).
     """
-    found = []
-    for batch in _batches(pieces):
-        found += _passes(deviation, batch, hyper, known, _auxiliary_residual)
-    return found
+    return _passes(deviation, pieces, hyper, known, _auxiliary_residual)
 
 
 def smoothed_disturbances(deviation: Deviation, hyper: Array, known: Likelihood) -> list[Array]:
@@ -73,10 +70,7 @@ def smoothed_disturbances(deviation: Deviation, hyper: Array, known: Likelihood)
     def smoothed(out: Array) -> Array:
         return _smoothed(deviation, out, known.covariance[0])
 
-    found = []
-    for pieces in _batches(deviation.pieces):
-        found += _passes(deviation, pieces, hyper, known, smoothed)
-    return found
+    return _passes(deviation, deviation.pieces, hyper, known, smoothed)
 
 
 def _batches(pieces: Sequence[Piece]) -> Iterator[list[Piece]]:
@@ -98,6 +92,9 @@ def _passes(
     kept: Callable[[Array], Array],
 ) -> list[Array]:
     """For each piece `kept` applied to the output (n_sample, 8, n_column) of `_backward`."""
+    batches = list(_batches(pieces))
+    if len(batches) > 1:
+        return [x for own in batches for x in _passes(deviation, own, hyper, known, kept)]
     structure = deviation.structure
     symbols, columns = Symbols(structure), 1 + structure.tangents
     parameters = np.concatenate([np.repeat(hyper, columns, axis=1), np.eye(columns)])
@@ -144,55 +141,22 @@ def _smoothed(deviation: Deviation, out: Array, covariance: Array) -> Array:
     return np.hstack([out[:, :2, 0] * deviation.scale, np.sqrt(variance) * deviation.scale])
 
 
-@dataclass(frozen=True)
-class _Row:
-    """Symbols of one row; a lane selects its own target column."""
-
-    entries: ca.SX
-    flat: ca.SX
-    weight: ca.SX
-    lane: ca.SX
-
-    @staticmethod
-    def of(structure: Structure) -> _Row:
-        columns = 1 + structure.tangents
-        return _Row(
-            ca.SX.sym("f", structure.changing),
-            ca.SX.sym("y", 2, columns),
-            ca.SX.sym("w", 2),
-            ca.SX.sym("h", len(HYPER) + columns),
-        )
-
-    @property
-    def picked(self) -> ca.SX:
-        """(n_column,) unit vector that selects the column of this lane."""
-        return self.lane[len(HYPER) :]
-
-    @property
-    def target(self) -> ca.SX:
-        """(2, 1) target of this lane."""
-        return ca.mtimes(self.flat, self.picked)
-
-    @property
-    def inputs(self) -> list[ca.SX]:
-        """Symbols in the order of the input columns."""
-        return [self.entries, ca.vec(self.flat), self.weight]
-
-
 def _forward(structure: Structure) -> ca.Function:
     """Kalman filter step of one column per lane; the output is the a priori covariance and mean."""
-    symbols, row = Symbols(structure), _Row.of(structure)
+    symbols = Symbols(structure)
+    entries, targets, weight, lane = symbols.row(1 + structure.tangents)
     packed, mean = ca.SX.sym("P", len(symbols.triangle)), ca.SX.sym("m", symbols.size)
-    covariance, after, target = symbols.full(packed), mean, row.target
-    for channel, seen in enumerate(symbols.seen(row.entries)):
+    covariance, after = symbols.full(packed), mean
+    target = ca.mtimes(targets, lane[len(HYPER) :])
+    for channel, seen in enumerate(symbols.seen(entries)):
         after, covariance, _, _ = updated(
-            seen, after, covariance, target[channel], row.weight[channel], row.lane[8 + channel]
+            seen, after, covariance, target[channel], weight[channel], lane[8 + channel]
         )
-    following, spread = predicted(symbols, after, covariance, row.entries, row.lane)
+    following, spread = predicted(symbols, after, covariance, entries, lane)
     before = ca.vertcat(packed, mean)
     return ca.Function(
         "forward",
-        [before, ca.vertcat(*row.inputs), row.lane],
+        [before, ca.vertcat(entries, ca.vec(targets), weight), lane],
         [ca.vertcat(symbols.packed(spread), following), before],
     )
 
@@ -203,23 +167,24 @@ def _backward(structure: Structure) -> ca.Function:
     The output is mean and variance of e (two each), then the auxiliary residuals of both channels,
     then their variances.
     """
-    symbols, row = Symbols(structure), _Row.of(structure)
-    size, n = symbols.size, structure.shape
+    symbols = Symbols(structure)
+    entries, targets, weight, lane = symbols.row(1 + structure.tangents)
+    size, n, picked = symbols.size, structure.shape, lane[len(HYPER) :]
     packed = ca.SX.sym("P", len(symbols.triangle))
     means = ca.SX.sym("m", size, 1 + structure.tangents)
     future, adjoint = ca.SX.sym("L", len(symbols.triangle)), ca.SX.sym("l", size)
-    before, start = symbols.full(packed), ca.mtimes(means, row.picked)
-    seen, target = symbols.seen(row.entries), row.target
+    before, start = symbols.full(packed), ca.mtimes(means, picked)
+    seen, target = symbols.seen(entries), ca.mtimes(targets, picked)
     mean, covariance, passed = start, before, []
     for channel, c in enumerate(seen):
         gain = ca.mtimes(covariance, c.T)
         mean, covariance, innovation, inverse = updated(
-            c, mean, covariance, target[channel], row.weight[channel], row.lane[8 + channel]
+            c, mean, covariance, target[channel], weight[channel], lane[8 + channel]
         )
         passed.append((c, gain * inverse, innovation, inverse))
-    f = symbols.transition(row.entries, row.lane)
+    f = symbols.transition(entries, lane)
     value = ca.mtimes(f.T, adjoint)
-    matrix = _symmetric(symbols, ca.mtimes(ca.mtimes(f.T, symbols.full(future)), f))
+    matrix = symbols.symmetric(ca.mtimes(ca.mtimes(f.T, symbols.full(future)), f))
     auxiliary: list[ca.SX] = []
     spread: list[ca.SX] = []
     for c, gain, innovation, inverse in reversed(passed):
@@ -228,7 +193,7 @@ def _backward(structure: Structure) -> ca.Function:
         keep = ca.SX.eye(size) - ca.mtimes(gain, c)
         value = c.T * (innovation * inverse) + ca.mtimes(keep.T, value)
         turned = ca.mtimes(ca.mtimes(keep.T, matrix), keep)
-        matrix = _symmetric(symbols, turned + ca.mtimes(c.T, c) * inverse)
+        matrix = symbols.symmetric(turned + ca.mtimes(c.T, c) * inverse)
     own = before[n : n + 2, :]
     smoothed = start[n : n + 2] + ca.mtimes(own, value)
     taken = ca.mtimes(own, matrix)
@@ -237,15 +202,11 @@ def _backward(structure: Structure) -> ca.Function:
         "backward",
         [
             ca.vertcat(future, adjoint),
-            ca.vertcat(*row.inputs, packed, ca.vec(means)),
-            row.lane,
+            ca.vertcat(entries, ca.vec(targets), weight, packed, ca.vec(means)),
+            lane,
         ],
         [
             ca.vertcat(symbols.packed(matrix), value),
             ca.vertcat(smoothed, *variance, *auxiliary, *spread),
         ],
     )
-
-
-def _symmetric(symbols: Symbols, whole: ca.SX) -> ca.SX:
-    return symbols.full(symbols.packed(whole))

@@ -33,14 +33,12 @@ def autoregression(
 
     The Levinson-Durbin recursion on the biased autocovariance makes every order stable.  The order
     minimises n log(innovation variance) + penalty * order.  White noise gets order zero in most
-    cases.
+    cases.  The penalty is log(n) (Bayes) for a noise model, which pays for every order, and 2
+    (Akaike) for a confidence band, which must not miss one.
 
-    Args:
-        series: Residuals, one (n_sample,) array per record; their mean is not subtracted.
-        criterion: Penalty log(n) of Bayes for a noise model, which pays for every order; penalty 2
-            of Akaike for a confidence band, which must not miss one.
-        absorbed: (LARGEST_ORDER + 1,) expected lag products of the noise that the fit has absorbed;
-            they are added to those of the residuals.
+    The series are residuals, (n_sample,) per record; their mean is not subtracted.  Their lag
+    products are increased by `absorbed`, (LARGEST_ORDER + 1,), those expected of the noise that a
+    fit has absorbed.
     """
     count = sum(s.size for s in series)
     if criterion == "bayes":

@@ -94,8 +94,10 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
             )
             warnings.append(ResultWarning("unfitted_channel", "warning", message))
     if dead.any():
-        records = [_without(record, dead) for record in records]
-        held_out = [_without(record, dead) for record in held_out]
+        records, held_out = (
+            [replace(record, weight=record.weight * ~dead) for record in each]
+            for each in (records, held_out)
+        )
     if all(run.temperature is None for run in training):
         message = (
             "the runs have no temperature: Ra25 and Kt25 are those of the unknown temperature of "
@@ -110,10 +112,6 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
         tuple(warnings),
         alike,
     )
-
-
-def _without(record: Record, dead: np.ndarray) -> Record:
-    return replace(record, weight=record.weight * ~dead)
 
 
 def first_alike(runs: Sequence[Run]) -> tuple[int | None, ...]:

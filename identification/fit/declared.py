@@ -21,7 +21,7 @@ from identification.arrays import Array
 from identification.errors import ComputationError
 from identification.fit.solve import Fit, TerminationLimits, continued, optimised, renewed
 from identification.fit.start import starting_values
-from identification.fit.temperature import unlogged_of, with_expected
+from identification.fit.temperature import unlogged_of
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import Record, sample_interval
 from identification.model.parameter import Coordinates, Parameter
@@ -53,7 +53,9 @@ def fit_declared(records: Sequence[Record], hold: Hold) -> Fit:
         ComputationError: No starting vector gives a finite simulation.
     """
     model = MotorModel(hold=hold, unlogged=unlogged_of(records))
-    ranked = _ranked(model, records, with_expected(model.unlogged, starting_values(records)))
+    starts = starting_values(records)
+    expected = [np.full(starts.shape[1], own.prior_mean) for own in model.unlogged.parameters]
+    ranked = _ranked(model, records, np.vstack([starts, *expected]))
     best: Fit | None = None
     for values in ranked[:_STARTS]:
         if best is not None and best.converged and _is_sharp(best):

@@ -25,7 +25,6 @@ class Derivatives:
     """Sensitivities of the logged channels at one point, cached or recomputed on demand."""
 
     simulator: Simulator
-    """Model and records."""
     values: Array
     """(n_parameter,) physical values."""
     states: tuple[Array, ...]

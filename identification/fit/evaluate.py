@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.fit.initial import fitted_initial_states, improved_initial_states
+from identification.fit.initial import fitted_initial_states
 from identification.fit.order_tracking import tracked
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_own_temperatures
@@ -33,7 +33,6 @@ class Simulated:
     """A record and its simulation."""
 
     record: Record
-    """The record."""
     logged: Array
     """(n_sample, 2) simulated current and speed [A, rad/s]."""
     initial: Array
@@ -112,5 +111,5 @@ def _tracked(
     simulator = simulator.roughly_accurate(values, states, deviation)
     for _ in range(_TRACKED):
         simulator, begun = tracked(simulator, values, states, deviation)
-        states = improved_initial_states(simulator, values, deviation, begun)
+        states = fitted_initial_states(simulator, values, deviation, start=begun)
     return simulator, states

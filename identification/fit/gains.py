@@ -60,10 +60,10 @@ def current_gains(declared: Fit, campaign: Campaign) -> tuple[GainRatio, ...]:
     for run, one in alone.items():
         if first is None or one is None or one is first:
             continue
-        by_voltage, same, by_torque = np.log(one.values / first.values)
+        by_voltage, same, by_torque = np.log(one[0] / first[0])
         ratio = 0.5 * (by_torque - by_voltage)
         apart = max(abs(by_torque - ratio), abs(by_voltage + ratio), abs(same))
-        unsure = max(one.spread, first.spread)
+        unsure = max(one[1], first[1])
         if abs(ratio) > _LEAST and max(apart, unsure) < _AGREE * abs(ratio):
             found.append(GainRatio(run, runs[run][0].name, float(np.exp(ratio))))
     return tuple(found)
@@ -89,7 +89,7 @@ def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
         return campaign
     ratios = {gain.run: gain.ratio for gain in gains}
     training, validation = (
-        tuple(_scaled(record, ratios.get(record.run, 1.0)) for record in records)
+        tuple(replace(r, measured=r.measured / [ratios.get(r.run, 1.0), 1.0]) for r in records)
         for records in (campaign.training, campaign.validation)
     )
     runs = ", ".join(f"{gain.name} ({gain.ratio:.3g} times)" for gain in gains)
@@ -106,20 +106,11 @@ def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
     )
 
 
-def _scaled(record: Record, ratio: float) -> Record:
-    return replace(record, measured=record.measured / [ratio, 1.0]) if ratio != 1.0 else record
+def _alone(records: Sequence[Record], declared: Fit) -> tuple[Array, float] | None:
+    """Ra25, Kt25 and J of one run fitted alone, and their largest relative standard deviation.
 
-
-@dataclass(frozen=True)
-class _Alone:
-    """Ra25, Kt25 and J of one run fitted alone, and their largest relative standard deviation."""
-
-    values: Array
-    spread: float
-
-
-def _alone(records: Sequence[Record], declared: Fit) -> _Alone | None:
-    """Estimates of one run fitted alone; None if that fit fails."""
+    None if that fit fails.
+    """
     try:
         fit = fit_declared(records, declared.simulator.model.hold)
     except ComputationError:
@@ -128,4 +119,4 @@ def _alone(records: Sequence[Record], declared: Fit) -> _Alone | None:
     values = fit.values[chosen]
     if not (fit.converged and np.all(values > 0)):
         return None
-    return _Alone(values, float(np.max(fit.deviations[chosen] / values)))
+    return values, float(np.max(fit.deviations[chosen] / values))

@@ -22,7 +22,6 @@ from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.linear import eigh
 from identification.model.declared import DECLARED
-from identification.model.parameter import Parameter
 
 __all__ = ["Precision", "identified", "precision_of"]
 
@@ -42,6 +41,7 @@ _ROUNDED: Final = 1e-8
 _COEFFICIENTS: Final = ("alpha_Ra", "alpha_Kt")
 
 _GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
+"""Standard deviations of the general priors, in search coordinates."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,8 @@ def precision_of(
             estimate *= _moved(fit, k, deviations[k]) if by_runs else 1.0
             limit = _RELATIVE * abs(estimate)
         else:
-            limit = _PRIOR_SHARE * _prior_deviation(parameter) * slopes[k]
+            general = _GENERAL[parameter.name] if parameter.origin else parameter.prior_sd
+            limit = _PRIOR_SHARE * general * slopes[k]
         answer[parameter.name] = Precision(estimate, float(deviations[k] * slopes[k]), float(limit))
     return answer
 
@@ -109,11 +110,6 @@ def _moved(fit: Fit, k: int, deviation: float) -> float:
         return 1.0
     step = float(fit.position[k] - fit.coordinates.prior_mean[k])
     return float(np.exp(np.clip(step * (deviation / fit.coordinates.prior_sd[k]) ** 2, -50, 50)))
-
-
-def _prior_deviation(parameter: Parameter) -> float:
-    """Standard deviation of the general prior, in search coordinates."""
-    return _GENERAL[parameter.name] if parameter.origin else parameter.prior_sd
 
 
 def _data_deviations(fit: Fit, fraction: float, known: NDArray[np.bool_]) -> Array:

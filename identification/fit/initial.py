@@ -10,7 +10,6 @@ the temperature of a run without a log.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -26,7 +25,7 @@ from identification.model.tangent import tangent
 from identification.model.term import AbstractTemperature
 from identification.model.weighting import Weighting
 
-__all__ = ["fitted_initial_states", "improved_initial_states"]
+__all__ = ["fitted_initial_states"]
 
 _LEAST_HEAD: Final = 50
 _HEAD: Final = (0.1,)
@@ -41,29 +40,26 @@ _SHARES: Final = np.array([1.0, 0.5, 0.2, 0.0])
 
 
 def fitted_initial_states(
-    simulator: Simulator, values: Array, deviation: Array, *, whole: bool = False
+    simulator: Simulator,
+    values: Array,
+    deviation: Array,
+    *,
+    whole: bool = False,
+    start: tuple[Array, ...] | None = None,
 ) -> tuple[Array, ...]:
     """Initial state (n_state,) of every record of `simulator`, with the parameters held.
 
     The values are (n_parameter,) physical, the noise of current and speed is (2,) [A, rad/s].
     Whole records are fitted if `whole`, as for a phase that the head does not determine.  Except
     for a temperature, the fitted part then grows in steps, since an initial phase error prevents
-    convergence over a whole record.
+    convergence over a whole record.  A close start is improved on whole records at once.
     """
+    if start is not None:
+        return _fitted_to_heads(simulator, values, deviation, 1.0, start)
     states = tuple(initial_states(simulator.model, record) for record in simulator.records)
     for share in _shares(simulator.model, whole):
         states = _fitted_to_heads(simulator, values, deviation, share, states)
     return states
-
-
-def improved_initial_states(
-    simulator: Simulator, values: Array, deviation: Array, states: Sequence[Array]
-) -> tuple[Array, ...]:
-    """Initial state of every record, fitted to the whole record from a close start, (n_state,).
-
-    The other arguments are those of `fitted_initial_states`.
-    """
-    return _fitted_to_heads(simulator, values, deviation, 1.0, tuple(states))
 
 
 def _shares(model: MotorModel, whole: bool) -> tuple[float, ...]:

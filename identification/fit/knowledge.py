@@ -62,7 +62,6 @@ class Comparison:
     """A known value and the estimate of the runs without it."""
 
     prior: Prior
-    """The known value."""
     estimate: float
     """Estimate of the runs [unit of the parameter]."""
     sd: float
@@ -154,9 +153,10 @@ def compared(fit: Fit, fraction: float, prior: Prior) -> Comparison:
     parameter, position = fit.coordinates.parameters[k], float(fit.position[k])
     own = 1.0 / float(fit.coordinates.prior_sd[k]) ** 2
     precision = _precision(fit, fraction, k) - own
-    precision = (
-        1.0 / (1.0 / precision + _unlogged_spread(fit, prior.name) ** 2) if precision > 0 else 0.0
-    )
+    spread = 0.0
+    if fit.simulator.model.unlogged.is_relative:
+        spread = _WITHOUT_TEMPERATURE.get(prior.name, 0.0)
+    precision = 1.0 / (1.0 / precision + spread**2) if precision > 0 else 0.0
     slope = float(fit.coordinates.slopes(fit.position)[k])
     estimate = float(fit.values[k])
     if not precision > _NOTHING * float(fit.equations.matrix[k, k]):
@@ -172,11 +172,6 @@ def compared(fit: Fit, fraction: float, prior: Prior) -> Comparison:
         estimate = slope * (position + moved)
         distance = (estimate - prior.value) / math.hypot(slope * sd, prior.sd)
     return Comparison(prior, estimate, slope * sd, distance)
-
-
-def _unlogged_spread(fit: Fit, name: str) -> float:
-    """Standard deviation added if temperatures are known only relative to each other."""
-    return _WITHOUT_TEMPERATURE.get(name, 0.0) if fit.simulator.model.unlogged.is_relative else 0.0
 
 
 def _precision(fit: Fit, fraction: float, k: int) -> float:
@@ -222,22 +217,12 @@ def _refitted_from(fit: Fit, coordinates: Coordinates, values: Array) -> Fit:
 
 def _with_prior(parameter: Parameter, prior: Prior) -> Parameter:
     """The parameter with a prior of the user; a positive one is searched in logarithms."""
-    if not prior.is_size:
-        return replace(
-            parameter,
-            prior_mean=prior.value,
-            prior_sd=prior.sd / parameter.scale,
-            origin=prior.origin,
-        )
-    return replace(
-        parameter,
-        search="log",
-        lower=min(parameter.lower, 1e-3 * prior.value) if parameter.lower > 0 else 0.0,
-        scale=1.0,
-        prior_mean=prior.value,
-        prior_sd=prior.sd / prior.value,
-        origin=prior.origin,
-    )
+    sd = prior.sd / parameter.scale
+    if prior.is_size:
+        lower = min(parameter.lower, 1e-3 * prior.value) if parameter.lower > 0 else 0.0
+        parameter = replace(parameter, search="log", lower=lower, scale=1.0)
+        sd = prior.sd / prior.value
+    return replace(parameter, prior_mean=prior.value, prior_sd=sd, origin=prior.origin)
 
 
 def _bounded(friction: Parameter, bound: float) -> Parameter:

@@ -41,7 +41,7 @@ from identification.model.weighting import Weighting
 __all__ = [
     "effective_fraction",
     "noise_deviation",
-    "student",
+    "student_weights",
     "with_noise_model",
 ]
 
@@ -73,7 +73,7 @@ def _refitted(fit: Fit, latest: Fit) -> Fit:
     The result is `fit` if the residuals are white and normal, or if the simulation gets worse.
     """
     residuals = latest.residuals()
-    robust = _student_weights(fit.weighting, residuals)
+    robust = student_weights(residuals, [np.ones_like(residual) for residual in residuals])
     absorbed = None if latest is fit else _absorbed(latest)
     weighting = replace(
         fit.weighting, robust=robust, whitening=_whitening(fit.weighting, residuals, absorbed)
@@ -150,13 +150,19 @@ def _absorbed(fit: Fit) -> Array:
     return found
 
 
-def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[Array, ...] | None:
-    """Sample weights of the best Student-t fit; None if a normal distribution fits as well."""
+def student_weights(
+    residuals: Sequence[Array], counted: Sequence[Array]
+) -> tuple[Array, ...] | None:
+    """Weights (n_sample, 2) of the best Student-t fit; None if a normal distribution fits as well.
+
+    Samples of the residuals (n_sample, 2) with a weight of zero in `counted` are not fitted.
+    """
     weights = [np.ones_like(residual) for residual in residuals]
     heavy = False
     for channel in range(2):
-        stacked = np.concatenate([residual[:, channel] for residual in residuals])
-        freedom, scale = student(stacked)
+        pairs = zip(residuals, counted, strict=True)
+        stacked = np.concatenate([r[:, channel][w[:, channel] > 0] for r, w in pairs])
+        freedom, scale = _student(stacked) if stacked.size else (None, 0.0)
         if freedom is None:
             continue
         heavy = True
@@ -166,7 +172,7 @@ def _student_weights(weighting: Weighting, residuals: Sequence[Array]) -> tuple[
     return tuple(weights) if heavy else None
 
 
-def student(series: Array) -> tuple[float | None, float]:
+def _student(series: Array) -> tuple[float | None, float]:
     """Degrees of freedom and scale of the best Student-t fit; None if normal fits as well."""
     normal = float(np.std(series))
     if not normal > 0:

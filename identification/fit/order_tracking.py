@@ -83,24 +83,18 @@ def tracked(
         logged = simulator.logged(np.repeat(values[:, None], lanes[0].shape[1], axis=1), lanes)
         records = list(before)
         for k, record in enumerate(records):
-            track = _Track(
-                order, order**2 * deviation[1] ** 2 * sample_interval([record]), len(waves)
-            )
-            if record.angle_logged or track.walk * _duration(record) < _NEGLIGIBLE:
+            walk = order**2 * deviation[1] ** 2 * sample_interval([record])
+            if record.angle_logged or walk * _duration(record) < _NEGLIGIBLE:
                 continue
-            series = _Series(
-                (record.measured - logged[k][:, :, 0]) / deviation,
-                (logged[k][:, :, 1:] - logged[k][:, :, :1]) / (_STEP * deviation[:, None]),
-                record.weight,
-            )
-            if not series.is_finite:
+            residual = (record.measured - logged[k][:, :, 0]) / deviation
+            moved = (logged[k][:, :, 1:] - logged[k][:, :, :1]) / (_STEP * deviation[:, None])
+            if not np.isfinite(np.concatenate([residual[:, :, None], moved], axis=2)).all():
                 continue
+            series = _Series(record, walk, residual, moved)
             if record.raw_angle is None:
-                path, found[k][waves[0]] = _acquired(
-                    record, series, found[k][waves[0]], size, track
-                )
+                path, found[k][waves[0]] = _acquired(series, found[k][waves[0]], size)
             else:
-                path = _improved(record, series, track)
+                path = _improved(series, order, len(waves))
             records[k] = record.with_angle(record.integrated + path / order)
         if all(a is b for a, b in zip(records, before, strict=True)):
             break
@@ -172,44 +166,31 @@ def _edges(record: Record, walk: float, variance: float) -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True)
-class _Track:
-    """Order [-], variance of its phase error per time [rad^2/s], and number of harmonics."""
-
-    order: float
-    walk: float
-    harmonics: int
-
-
-@dataclass(frozen=True)
 class _Series:
     """Residual and responses of one record, in standard deviations of the noise."""
 
+    record: Record
+    walk: float
+    """Variance of the phase error per time [rad^2/s]."""
     residual: Array
     """(n_sample, 2)."""
     responses: Array
     """(n_sample, 2, 3) to a change of the sine and of the cosine by their scale, and to a change of
     the phase by one radian."""
-    weight: Array
-    """(n_sample, 2) sample weights."""
-
-    @property
-    def is_finite(self) -> bool:
-        return bool(np.isfinite(self.residual).all() and np.isfinite(self.responses).all())
 
     def blocks(self, edges: NDArray[np.int64], lanes: slice) -> tuple[Array, Array]:
         """For each block the normal matrix and the right-hand side of some responses."""
-        return block_products(self.responses[:, :, lanes], self.residual, self.weight, edges)
+        return block_products(self.responses[:, :, lanes], self.residual, self.record.weight, edges)
 
 
-def _acquired(
-    record: Record, series: _Series, amplitudes: Array, size: float, track: _Track
-) -> tuple[Array, Array]:
+def _acquired(series: _Series, amplitudes: Array, size: float) -> tuple[Array, Array]:
     """First path of a record, from the phases of coarse blocks, and the amplitudes at it.
 
     The present amplitudes of sine and cosine are (2,) [N m], `size` is their scale.  The path is
     the phase correction (n_sample,) [rad].
     """
-    edges = _edges(record, track.walk, _COARSE)
+    record, walk = series.record, series.walk
+    edges = _edges(record, walk, _COARSE)
     matrix, right = series.blocks(edges, slice(2))
     information = np.maximum(0.5 * np.trace(matrix, axis1=1, axis2=2), 1e-300)
     # A block without any response keeps its amplitudes.
@@ -222,24 +203,25 @@ def _acquired(
     if not precision.any():
         return np.zeros(record.rows), amplitudes
     time = _middles(record, edges)
-    phases = _unwrapped(np.arctan2(found[:, 1], found[:, 0]), precision, time, track.walk)
-    path = _smoothed(phases, precision, time, track.walk)
+    phases = _unwrapped(np.arctan2(found[:, 1], found[:, 0]), precision, time, walk)
+    path = _smoothed(phases, precision, time, walk)
     mean = float(np.average(path, weights=precision))
     turned = size * np.sqrt(square) * np.array([np.cos(mean), np.sin(mean)])
     return np.asarray(np.interp(record.time, time, path - mean)), turned
 
 
-def _improved(record: Record, series: _Series, track: _Track) -> Array:
+def _improved(series: _Series, order: float, harmonics: int) -> Array:
     """Path (n_sample,) after a Gauss-Newton step from the present one, with fine blocks [rad]."""
-    edges = _edges(record, track.walk * track.harmonics**2, _FINE)
+    record, walk = series.record, series.walk
+    edges = _edges(record, walk * harmonics**2, _FINE)
     matrix, right = series.blocks(edges, slice(2, 3))
     precision = matrix[:, 0, 0]
     step = np.divide(right[:, 0], precision, out=np.zeros(precision.size), where=precision > 0)
     time = _middles(record, edges)
-    present = track.order * (record.column("angle") - record.integrated)
+    present = order * (record.column("angle") - record.integrated)
     if not precision.any():
         return present
-    path = _smoothed(np.interp(time, record.time, present) + step, precision, time, track.walk)
+    path = _smoothed(np.interp(time, record.time, present) + step, precision, time, walk)
     return np.asarray(np.interp(record.time, time, path))
 
 

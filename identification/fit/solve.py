@@ -91,19 +91,15 @@ class Fit:
     """Result of a fit."""
 
     simulator: Simulator
-    """Model and records."""
     coordinates: Coordinates
-    """Map between physical values and search coordinates."""
     position: Array
     """(n_parameter,) search coordinates at the optimum."""
     states: tuple[Array, ...]
     """For each record (n_state,) initial state."""
     weighting: Weighting
-    """Noise model of the channels."""
     cost: float
     """Negative log posterior, up to a constant."""
     equations: NormalEquations
-    """Normal equations at the optimum."""
     converged: bool
     """Whether the predicted gain of another step is negligible."""
 
@@ -170,16 +166,11 @@ def solve(
 ) -> Fit:
     """Fit parameters and initial states, with a step plan that suits the optimum.
 
-    If `converged` is False, the fit stopped before the optimum; the cost is infinite if the model
-    cannot be simulated from the start.
-
-    Args:
-        simulator: Model and records.
-        coordinates: Map to search coordinates, with bounds and priors.
-        position: (n_parameter,) start in search coordinates.
-        states: Initial states to start from; taken from the first samples if absent.
-        weighting: Noise model; white with unknown deviations if absent.
-        limits: Termination limits, of each optimisation.
+    The start is a position (n_parameter,) in search coordinates, which have bounds and priors, and
+    an initial state of each record, by default from its first samples.  The noise is white with
+    unknown deviations by default.  The limits are those of each optimisation.  If `converged` is
+    False, the fit stopped before the optimum; the cost is infinite if the model cannot be simulated
+    from the start.
     """
     fit = optimised(simulator, coordinates, position, states, weighting, limits)
     return renewed(fit, limits)

@@ -32,7 +32,8 @@ __all__ = ["starting_values"]
 
 _CUTOFFS: Final = 8
 _LEAST_SPAN_DEGC: Final = 3.0
-_TYPICAL = {"alpha_Ra": 0.0035, "alpha_Kt": -0.001}
+_TYPICAL: Final = (0.0035, -0.001)
+"""Temperature coefficients alpha_Ra and alpha_Kt of usual materials [1/K]."""
 _LARGEST_SLOPE: Final = 0.02
 
 
@@ -69,16 +70,13 @@ def _scales(records: Sequence[Record], interval: float) -> Array:
     friction = 0.2 * constant * (current or 1.0) / (speed or 1.0)
     inertia = 50.0 * interval * (friction + constant**2 / resistance)
     inductance = resistance * 2.0 * interval
-    slopes = (_TYPICAL["alpha_Ra"], _TYPICAL["alpha_Kt"])
-    return np.array([resistance, slopes[0], constant, slopes[1], inertia, friction, inductance])
+    alpha_ra, alpha_kt = _TYPICAL
+    return np.array([resistance, alpha_ra, constant, alpha_kt, inertia, friction, inductance])
 
 
 def _regressed(records: Sequence[Record], cutoff: float, interval: float, scales: Array) -> Array:
-    electrical, mechanical = [], []
-    for record in records:
-        e, m = _rows(record, cutoff, interval)
-        electrical.append(e)
-        mechanical.append(m)
+    rows = [_rows(record, cutoff, interval) for record in records]
+    electrical, mechanical = zip(*rows, strict=True)
     v, i, ti, w, tw, di = np.concatenate(electrical).T
     spans = np.concatenate([r.column("temperature") for r in records])
     heated = np.ptp(spans) >= _LEAST_SPAN_DEGC
@@ -87,7 +85,7 @@ def _regressed(records: Sequence[Record], cutoff: float, interval: float, scales
     resistance, constant, inductance = answer[:3]
     resistance = _positive(resistance, scales[0])
     constant = _positive(constant, scales[2])
-    alpha_ra, alpha_kt = _TYPICAL["alpha_Ra"], _TYPICAL["alpha_Kt"]
+    alpha_ra, alpha_kt = _TYPICAL
     if heated:
         alpha_ra = float(np.clip(answer[3] / resistance, -_LARGEST_SLOPE, _LARGEST_SLOPE))
         alpha_kt = float(np.clip(answer[4] / constant, -_LARGEST_SLOPE, _LARGEST_SLOPE))

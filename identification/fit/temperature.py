@@ -25,7 +25,6 @@ from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 __all__ = [
     "estimated_temperatures",
     "unlogged_of",
-    "with_expected",
     "with_own_temperatures",
     "with_scale_drawn",
 ]
@@ -51,12 +50,6 @@ def unlogged_of(records: Sequence[Record]) -> Unlogged:
     runs = tuple(sorted(unknown))
     reference = None if logged else runs[0]
     return Unlogged(runs, unknown[runs[0]], reference, span < _LEAST_SPAN)
-
-
-def with_expected(unlogged: Unlogged, values: Array) -> Array:
-    """Nominal parameters (7, n_start) with the expected unlogged temperatures appended."""
-    own = np.array([parameter.prior_mean for parameter in unlogged.parameters])
-    return np.concatenate([values, np.repeat(own[:, None], values.shape[1], axis=1)])
 
 
 def with_own_temperatures(

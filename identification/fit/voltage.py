@@ -80,13 +80,12 @@ def with_smooth_voltage(
     )
     if np.all(voltage_noise_power(after) < _LEAST**2 * after.weighting.deviation**2):
         # Too little noise is left to favour any model.
-        quiet = tuple(replace(r, voltage_noise=None) for r in after.simulator.records)
-        smoothed = replace(
-            smoothed,
-            training=tuple(replace(r, voltage_noise=None) for r in smoothed.training),
-            validation=tuple(replace(r, voltage_noise=None) for r in smoothed.validation),
+        fitted_to, training, validation = (
+            tuple(replace(record, voltage_noise=None) for record in records)
+            for records in (after.simulator.records, smoothed.training, smoothed.validation)
         )
-        after = replace(after, simulator=replace(after.simulator, records=quiet))
+        smoothed = replace(smoothed, training=training, validation=validation)
+        after = replace(after, simulator=replace(after.simulator, records=fitted_to))
     return smoothed, after
 
 

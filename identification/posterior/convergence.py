@@ -44,7 +44,6 @@ class Convergence:
     """Convergence diagnostics of a chain after burn-in."""
 
     walkers: int
-    """Number of walkers."""
     steps: int
     """Steps of each walker."""
     acceptance: float

@@ -183,14 +183,13 @@ def coarser(
     if fine.substeps is None:
         return
     right = fine.logged(values[:, None], states)
-    rows = _rows(fine)
     for tolerance in _TOLERANCES:
         coarse = replace(fine, substeps=None)
         if smooth is not None:
             coarse = coarse.changed_to(smooth, values)
         if np.isfinite(tolerance):
             coarse = coarse.with_tolerance(values, states, tolerance * deviation)
-        if _rows(coarse) > 0.8 * rows:
+        if coarse.steps > 0.8 * fine.steps:
             return
         records = tuple(
             replace(record, measured=record.measured - (a - b)[:, :, 0])
@@ -199,7 +198,3 @@ def coarser(
             )
         )
         yield replace(coarse, records=records)
-
-
-def _rows(simulator: Simulator) -> int:
-    return sum(inputs.shape[0] for inputs in simulator.inputs)

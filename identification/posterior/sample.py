@@ -62,11 +62,8 @@ class Sample:
     log_density: Array
     """(n_step, n_walker)."""
     names: tuple[str, ...]
-    """Names of the dimensions."""
     units: tuple[str, ...]
-    """Their units."""
     convergence: Convergence
-    """Convergence diagnostics of the chain."""
     source: Source = "chain"
     """Origin of the draws: the ``chain``; if it did not converge, ``importance`` sampling; if that
     is not reliable either, the ``normal`` approximation."""
