@@ -27,7 +27,7 @@ from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator, initial_states
 from identification.result.atomic import write_text
-from identification.selection.scales import scales_of
+from identification.selection.candidates import scales_of
 
 __all__ = ["EXAMPLE_MOTOR", "effects_page", "example_scales", "main"]
 

@@ -32,13 +32,9 @@ TOUCH = 20.0
 """Operations that take as long as reading and writing one number of a large array."""
 
 
-def _never() -> bool:
-    return False
-
-
 @dataclass
 class _Meter:
-    is_due: Callable[[], bool] = _never
+    is_due: Callable[[], bool] = lambda: False
     operations: float = 0.0
     known: set[Hashable] = field(default_factory=set)
     interrupted: bool = False
@@ -54,7 +50,7 @@ def metered(is_due: Callable[[], bool] | None = None) -> Iterator[None]:
 
     `is_due` is called between the steps of a stage and returns whether to stop.
     """
-    token = _meter.set(_Meter(is_due or _never))
+    token = _meter.set(_Meter(is_due) if is_due else _Meter())
     try:
         yield
     finally:
@@ -113,7 +109,3 @@ class Budget:
         self._end += count
         if self._within is not None:
             self._within.extend(count)
-
-    def longer(self, count: float) -> Budget:
-        """New budget from now on, with `count` more operations left than this one."""
-        return Budget(self.left + count)

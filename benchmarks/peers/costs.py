@@ -31,8 +31,8 @@ from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
+from identification.selection.candidates import scales_of
 from identification.selection.refit import refined, refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.start import Start
 from identification.threads import use_threads
 

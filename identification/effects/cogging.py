@@ -61,6 +61,7 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
     record, or ``simulated`` as a state of the model, for predictions."""
 
     name = "cogging_torque"
+    amplitude_scale = "torque_size"
     equation = "mechanical"
     drivers = ("position",)
     source = (
@@ -84,13 +85,11 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
     @property
     def _amplitudes(self) -> dict[str, str]:
         """Names and meanings of the amplitudes."""
-        named = {
-            "sine": "amplitude of the sine at the order",
-            "cosine": "amplitude of the cosine at the order",
-        }
-        for h in range(2, self.harmonics + 1):
-            named[f"sine_{h}"] = f"amplitude of the sine at {h} times the order"
-            named[f"cosine_{h}"] = f"amplitude of the cosine at {h} times the order"
+        named = {}
+        for h in range(1, self.harmonics + 1):
+            suffix, at = (f"_{h}", f"{h} times the order") if h > 1 else ("", "the order")
+            for wave in ("sine", "cosine"):
+                named[wave + suffix] = f"amplitude of the {wave} at {at}"
         return named
 
     @property
@@ -126,10 +125,6 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
         names = tuple(self._amplitudes)
         waves = tuple(zip(names[::2], names[1::2], strict=True))
         return Tracked("order", waves) if self.angle == "integrated" else None
-
-    def expecting(self, size: float) -> CoggingTorque:
-        """The term with this prior standard deviation of the per-record amplitudes [N m]."""
-        return replace(self, torque_size=size)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Zero for the amplitudes; the speed for the simulated angle [rad/s]."""

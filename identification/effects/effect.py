@@ -77,11 +77,6 @@ class CampaignScales:
         return tuple(sorted({record.run for record in self.records}))
 
     @property
-    def knows_temperatures(self) -> bool:
-        """Whether the temperature was logged in every training run."""
-        return all(record.expected is None for record in self.records)
-
-    @property
     def temperatures(self) -> tuple[float, float]:
         """Lowest and highest temperature logged in the training runs [degC]."""
         columns = [record.column("temperature") for record in self.records]
@@ -109,6 +104,9 @@ class AbstractEffect(AbstractTerm):
         defining: Shape parameters whose range defines the effect.
         moments: Parameters that are times of events, which may fall on any sample.
         laws: Other classes with the same name, among the candidates of this one.
+        amplitude_scale: Field with the standard deviation of the amplitudes that are free in each
+            record, of an effect that can have such amplitudes.
+        recurs: Whether an effect of single runs may act alike in several runs.
     """
 
     source: ClassVar[str]
@@ -116,6 +114,8 @@ class AbstractEffect(AbstractTerm):
     defining: ClassVar[tuple[str, ...]] = ()
     moments: ClassVar[tuple[str, ...]] = ()
     laws: ClassVar[tuple[type[AbstractEffect], ...]] = ()
+    amplitude_scale: ClassVar[str] = ""
+    recurs: ClassVar[bool] = False
 
     @classmethod
     @abstractmethod
@@ -138,6 +138,11 @@ class AbstractEffect(AbstractTerm):
         return self.scope != "all runs"
 
     @property
+    def runs(self) -> tuple[int, ...]:
+        """Numbers of the runs to which the term is restricted; empty for all runs."""
+        return ()
+
+    @property
     def plotted(self) -> tuple[str, ...]:
         """Signals against which the report plots the effect: its drivers, by default."""
         return self.drivers
@@ -157,36 +162,21 @@ class AbstractEffect(AbstractTerm):
         return ""
 
     def expecting(self, size: float) -> Self:
-        """The term with this standard deviation of its per-record amplitudes [their unit].
-
-        Raises:
-            NotImplementedError: The term has no per-record amplitudes.
-        """
-        raise NotImplementedError(f"{self.name} has no per-record amplitudes")
-
-    @classmethod
-    def setting_names(cls) -> set[str]:
-        """Names of the settings, which tell a law from others with its name and equation."""
-        return {field.name for field in fields(cls)}
+        """The term with this standard deviation of its per-record amplitudes [their unit]."""
+        return replace(self, **{self.amplitude_scale: size})
 
     @property
     def settings(self) -> dict[str, object]:
-        """Fields of the term by name, from which it can be reconstructed."""
+        """Fields of the term by name; they tell it from laws of the same name and equation."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 @dataclass(frozen=True)
 class AbstractRunEffect(AbstractEffect):
-    """Effect of single runs: simulated in all runs at once, then scored for each run.
-
-    Attributes:
-        recurs: Whether it may act alike in several runs.
-    """
+    """Effect of single runs: simulated in all runs at once, then scored for each run."""
 
     run: int | None
     """Number of the run; None for all runs, as the score test requires."""
-
-    recurs: ClassVar[bool] = False
 
     @property
     def runs(self) -> tuple[int, ...]:
@@ -266,16 +256,6 @@ class Candidate:
     def by_run(self) -> bool:
         """Whether the term is simulated in all runs at once and scored for each run."""
         return isinstance(self.term, AbstractRunEffect) and not self.term.runs
-
-    @property
-    def recurs(self) -> bool:
-        """Whether a term that is scored for each run may act alike in several runs."""
-        return isinstance(self.term, AbstractRunEffect) and self.term.recurs
-
-    @property
-    def runs(self) -> tuple[int, ...]:
-        """Numbers of the runs to which the term is restricted; empty for all runs."""
-        return self.term.runs if isinstance(self.term, AbstractRunEffect) else ()
 
     def in_runs(self, run: int, *others: int) -> Candidate:
         """The candidate restricted to one run, or to `run` and `others` if it recurs."""

@@ -34,11 +34,6 @@ _NEARLY_NONE = 1e-4
 """Magnitude of f k (T - 25) below which the logarithm is taken from its series."""
 
 
-def smooth_sign(x: Expression, width: float) -> Expression:
-    """Sign smoothed over `width` around zero; algebraic, so that it costs one square root."""
-    return x / ca.sqrt(x * x + width * width)
-
-
 @dataclass(frozen=True)
 class _Friction(AbstractEffect, AbstractTorque):
     """Torque against the motion that depends on the speed."""
@@ -80,7 +75,8 @@ class CoulombFriction(_Friction):
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque against the motion [N m]."""
-        sign = smooth_sign(signals.speed, self.width)
+        # Algebraic, so that it costs one square root.
+        sign = signals.speed / ca.sqrt(signals.speed * signals.speed + self.width * self.width)
         return -values.torque * (1 + values.asymmetry * sign) * sign
 
     @property

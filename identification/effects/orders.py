@@ -23,7 +23,7 @@ from scipy import signal
 from identification.arrays import Array
 from identification.model.excitation import Record
 
-__all__ = ["HIGHEST_ORDER", "orders_of"]
+__all__ = ["HIGHEST_ORDER", "largest_peaks", "orders_of"]
 
 HIGHEST_ORDER: Final = 36
 """Highest order that is searched, in periods per revolution."""
@@ -78,11 +78,14 @@ def _peaks(power: Array, orders: Array, highest: float, longest: float) -> list[
     )
     relative = np.where((orders > 0.5) & (orders <= highest), power / usual, 0.0)
     apart = int(np.ceil(4 * np.pi / longest / step))
-    found = []
-    for _ in range(_KEPT):
-        at = int(np.argmax(relative))
-        if relative[at] < _STANDS_OUT:
-            break
-        found.append(float(orders[at]))
-        relative[max(at - apart, 0) : at + apart + 1] = 0.0
+    return [float(orders[at]) for at in largest_peaks(relative, _KEPT, apart, _STANDS_OUT)]
+
+
+def largest_peaks(power: Array, most: int, apart: int, least: float) -> list[int]:
+    """Indices of the largest values of at least `least` that are more than `apart` bins apart."""
+    left = power.copy()
+    found: list[int] = []
+    while len(found) < most and not left.max() < least:
+        found.append(int(np.argmax(left)))
+        left[max(found[-1] - apart, 0) : found[-1] + apart + 1] = 0.0
     return found

@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from identification.arrays import Array
 from identification.effects.confusion import INDUCTANCE
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import columns, shape
@@ -29,7 +28,8 @@ _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- 
 
 
 _INDUCTANCES = (0.5, 0.2, 0.05)
-"""Fractions of a fitted inductance that may remain once a current filter takes up the lag."""
+"""Fractions of a fitted inductance that may remain once a current filter takes up the lag, so that
+the sum of both lags is unchanged."""
 
 
 @dataclass(frozen=True)
@@ -95,18 +95,15 @@ class _Filter(AbstractEffect, AbstractSensor):
         """One candidate of each order, its time constant scanned."""
         scanned = [f * scales.interval for f in (0.7, 3.0, 12.0, 50.0)]
         ends = 0.1 * scales.interval, 300 * scales.interval
+        # A fit without a filter of the current explains its lag by a larger inductance.
+        lag = scales.nominal("L") / scales.nominal("Ra25")
+        left = _INDUCTANCES if cls.channel == "current" else ()
         found = []
         for order, second in ((1, ()), (2, (0.4,))):
             starts = columns(*[(time, *second) for time in scanned])
-            found.append(Candidate(cls(*ends, order), starts, traded=cls._traded(scales, second)))
+            traded = tuple((np.array([(1.0 - x) * lag, *second]), {"L": x}) for x in left)
+            found.append(Candidate(cls(*ends, order), starts, traded=traded))
         return found
-
-    @classmethod
-    def _traded(
-        cls, scales: CampaignScales, second: tuple[float, ...]
-    ) -> tuple[tuple[Array, dict[str, float]], ...]:
-        """Starting points at which nominal parameters give back the lag that they had absorbed."""
-        return ()
 
 
 @dataclass(frozen=True)
@@ -177,19 +174,6 @@ class CurrentFilter(_Filter):
     drivers = ("current",)
     channel = "current"
     unit = "A"
-
-    @classmethod
-    def _traded(
-        cls, scales: CampaignScales, second: tuple[float, ...]
-    ) -> tuple[tuple[Array, dict[str, float]], ...]:
-        """Splits of the fitted lag L / Ra25 between winding and filter, their sum unchanged.
-
-        A fit without the filter explains its lag by a larger inductance.
-        """
-        lag = scales.nominal("L") / scales.nominal("Ra25")
-        return tuple(
-            (np.array([(1.0 - share) * lag, *second]), {"L": share}) for share in _INDUCTANCES
-        )
 
 
 @register

@@ -149,7 +149,8 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
         """One candidate, its time constant scanned."""
         power = scales.nominal("Ra25") * scales.current**2
         fastest, slowest = scales.duration / 300, scales.duration * 5
-        least = 0.0 if scales.knows_temperatures else _LEAST_RISE
+        is_logged = all(record.expected is None for record in scales.records)
+        least = 0.0 if is_logged else _LEAST_RISE
         term = cls(power, fastest, slowest, scales.speed, least=least)
         scanned = scales.duration * np.array([0.01, 0.05, 0.2, 1.0])
         return [Candidate(term, columns(*[(10.0 / power, tau) for tau in scanned]))]

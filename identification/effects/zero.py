@@ -60,8 +60,9 @@ class _ZeroError(AbstractEffect):
         return values.offset + values.drift * signals.run if self.drifts else values.offset
 
     @classmethod
-    def _forms(cls, scales: CampaignScales, size: float) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A constant error and, with three runs or more, a drifting one."""
+        size = {"A": scales.current, "rad/s": scales.speed, "V": scales.voltage}[cls.unit]
         tried = cls.tried * size
         constant = Candidate(cls(size), columns((tried,)))
         drifting = Candidate(cls(size, True), columns((tried, 0.0), (0.0, 0.1 * tried)), joint=2)
@@ -93,6 +94,7 @@ class CurrentOffset(_SensorZero):
     """Whether the error is free in each record."""
 
     name = "current_offset"
+    amplitude_scale = "size"
     confusions = (CONSTANT_TORQUE,)
     channel = "current"
     unit = "A"
@@ -118,10 +120,6 @@ class CurrentOffset(_SensorZero):
         """The variant with an error free in each record, unless it is that already."""
         return () if self.own else (CurrentOffset(self.size, own=True),)
 
-    def expecting(self, size: float) -> CurrentOffset:
-        """The term with this prior standard deviation of the per-record zero errors [A]."""
-        return replace(self, size=size)
-
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
@@ -133,7 +131,7 @@ class CurrentOffset(_SensorZero):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """A constant error and, with several runs, one free in each record: it covers any drift."""
-        constant, *_ = cls._forms(scales, scales.current)
+        constant, *_ = super().candidates(scales)
         own = replace(constant, fitted=cls(scales.current, own=True))
         return [constant, own] if len(scales.runs) > 1 else [constant]
 
@@ -148,11 +146,6 @@ class SpeedOffset(_SensorZero):
     channel = "speed"
     unit = "rad/s"
     tried = 0.02
-
-    @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """A constant error and, with three runs or more, a drifting one."""
-        return cls._forms(scales, scales.speed)
 
 
 @register
@@ -171,8 +164,3 @@ class VoltageOffset(_ZeroError, AbstractSupply):
     def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
         """Terminal voltage [V]."""
         return before - self._error(signals, values)
-
-    @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """A constant error and, with three runs or more, a drifting one."""
-        return cls._forms(scales, scales.voltage)

@@ -1,4 +1,4 @@
-"""Candidate terms of a model: their enumeration, and the shortlist by predicted gain."""
+"""Candidate terms of a model: their scales, enumeration, and the shortlist by predicted gain."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import Final
 import numpy as np
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import Candidate
+from identification.effects.effect import CampaignScales, Candidate
+from identification.effects.orders import HIGHEST_ORDER, orders_of
 from identification.fit.solve import Fit
-from identification.selection.scales import scales_of
+from identification.model.declared import DECLARED
+from identification.model.excitation import sample_interval
 from identification.selection.score import Score, gathered
 from identification.surrogates.unlisted import LAWS
 
-__all__ = ["candidates_of", "with_predicted_gain", "without_shared"]
+__all__ = ["candidates_of", "scales_of", "with_predicted_gain", "without_shared"]
 
 _WORTH: Final = 2.0
 """Predicted gain that a candidate needs, by default."""
@@ -35,6 +37,27 @@ def with_predicted_gain(scores: Sequence[Score], count: int, least: float = _WOR
         if kinds[name] <= 2 and score.gain > least:
             kept.append(score)
     return kept[:count]
+
+
+def scales_of(fit: Fit) -> CampaignScales:
+    """Scales of the campaign to which `fit` was fitted."""
+    records = fit.simulator.records
+    measured = np.concatenate([record.measured for record in records])
+    voltage = np.concatenate([record.column("voltage") for record in records])
+    size = np.sqrt(np.mean(measured**2, axis=0))
+    size = np.where(size > 0, size, 1.0)
+    return CampaignScales(
+        records=tuple(records),
+        current=float(size[0]),
+        speed=float(size[1]),
+        voltage=float(np.sqrt(np.mean(voltage**2))) or 1.0,
+        torque=float(fit.by_name["Kt25"] * size[0]),
+        interval=sample_interval(records),
+        duration=float(max(record.time[-1] - record.time[0] for record in records)),
+        values=fit.values[: len(DECLARED)],
+        angle_logged=all(record.angle_logged for record in records),
+        orders=orders_of(records, fit.residuals(), HIGHEST_ORDER),
+    )
 
 
 def candidates_of(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
@@ -58,13 +81,13 @@ def without_shared(scores: Sequence[Score]) -> list[Score]:
     """
     predicted: dict[str, dict[int, float]] = {}
     for score in scores:
-        concerned = score.candidate.runs
+        concerned = score.candidate.term.runs
         if len(concerned) == 1:
             runs = predicted.setdefault(score.candidate.term.name, {})
             runs[concerned[0]] = max(runs.get(concerned[0], 0.0), score.gain)
     kept = []
     for score in scores:
-        concerned = score.candidate.runs
+        concerned = score.candidate.term.runs
         runs = predicted.get(score.candidate.term.name, {}) if concerned else {}
         control = [gain for run, gain in runs.items() if run not in concerned]
         each = score.gain / max(len(concerned), 1)

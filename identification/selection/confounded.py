@@ -49,10 +49,10 @@ from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, TerminationLimits, continued, solve
 from identification.model.excitation import Record, sample_interval
 from identification.model.parameter import Coordinates
+from identification.selection.candidates import scales_of
 from identification.selection.omitted import OmittedTerm
-from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.policy import DEFAULT
 from identification.selection.refit import refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from identification.selection.start import Along, Start
 from identification.selection.subset import fitted_to, subset_of_fit
@@ -68,18 +68,12 @@ class _Rival:
     """An effect that is confounded with a parameter."""
 
     parameter: str
-    """Name of the parameter."""
     small: Candidate
     """Candidate with one prototype of small amplitude."""
     whole: float
     """Amplitude that causes all of the lag or friction, over that of the prototype [-]."""
     swapped: Array | None = None
     """(n_own,) parameters that cause nearly all of it, where a fit starts; None for no fit."""
-
-    @property
-    def name(self) -> str:
-        """Effect type."""
-        return self.small.term.name
 
 
 @dataclass(frozen=True)
@@ -89,14 +83,13 @@ class _Final:
     fit: Fit
     fraction: float
     is_structured: bool
-    policy: SelectionPolicy
 
     def limit(self, fit: Fit) -> float:
         """Loss of log likelihood, on the records of a fit, that excludes an optimum."""
         if not self.is_structured:
-            return self.policy.exclusion_loss
-        size = self.policy.least_fall * float(fit.weighting.counts.max()) * self.fraction
-        return max(self.policy.exclusion_loss, size)
+            return DEFAULT.exclusion_loss
+        size = DEFAULT.least_fall * float(fit.weighting.counts.max()) * self.fraction
+        return max(DEFAULT.exclusion_loss, size)
 
     def term(
         self, rival: _Rival, step: Array, gain: float, limit: float, time: float | None = None
@@ -105,7 +98,7 @@ class _Final:
         names = self.fit.coordinates.names
         sign = -1.0 if step[names.index(rival.parameter)] > 0.0 else 1.0
         steps = dict(zip(names, map(float, sign * step), strict=True))
-        return OmittedTerm(rival.name, float(gain), limit, steps, rival.parameter, time)
+        return OmittedTerm(rival.small.term.name, float(gain), limit, steps, rival.parameter, time)
 
 
 def confounded_terms(
@@ -113,7 +106,6 @@ def confounded_terms(
     nominal: Fit | None = None,
     *,
     is_structured: bool = False,
-    policy: SelectionPolicy = DEFAULT,
 ) -> tuple[OmittedTerm, ...]:
     """Effects that are confounded with parameters; for each parameter the one that lowers it most.
 
@@ -131,14 +123,14 @@ def confounded_terms(
     present = {term.name for term in final.simulator.model.terms}
     origins = {p.name: p.origin for p in final.coordinates.parameters}
     bases = [final] if nominal is None else [nominal, final]
-    parts = [subset_of_fit(base, policy) for base in bases]
+    parts = [subset_of_fit(base) for base in bases]
     deviations = np.sqrt(np.diag(final.equations.covariance()) / fraction)
-    least = dict(zip(final.coordinates.names, -policy.widening * deviations, strict=True))
+    least = dict(zip(final.coordinates.names, -DEFAULT.widening * deviations, strict=True))
     found: dict[str, OmittedTerm] = {}
-    model = _Final(final, fraction, is_structured, policy)
-    for rival in _rivals(final, policy):
+    model = _Final(final, fraction, is_structured)
+    for rival in _rivals(final):
         name = rival.parameter
-        if not known[name] or origins[name] or rival.name in present:
+        if not known[name] or origins[name] or rival.small.term.name in present:
             continue
         for term in (*_first_order(model, parts[-1], rival), *_swapped(model, parts, rival)):
             if term.steps[name] < least[name]:
@@ -153,34 +145,32 @@ def turns_one_way(records: Sequence[Record]) -> bool:
     return min(high, -low) <= _REVERSES * max(high, -low)
 
 
-def _rivals(fit: Fit, policy: SelectionPolicy) -> Iterator[_Rival]:
+def _rivals(fit: Fit) -> Iterator[_Rival]:
     """The confounded effects in their textbook forms."""
     scales = scales_of(fit)
     at = fit.by_name
     lag = at["L"] / at["Ra25"]
     delays = [c for c in ChannelDelay.candidates(scales) if c.term.variant == "current"]
     filters = CurrentFilter.candidates(scales)[0], SpeedFilter.candidates(scales)[0]
-    yield _lagging("L", filters[0], lag, policy, swaps=True)
-    yield _lagging("L", delays[0], lag, policy)
+    yield _lagging("L", filters[0], lag, swaps=True)
+    yield _lagging("L", delays[0], lag)
     # A logged current follows the true speed and so separates the motor's lag from the sensor's.
     is_unlogged = not fit.weighting.counts[0] > 0
     slow = at["J"] / (at["b"] + at["Kt25"] ** 2 / at["Ra25"])
-    yield _lagging("J", filters[1], slow, policy, swaps=is_unlogged)
+    yield _lagging("J", filters[1], slow, swaps=is_unlogged)
     if turns_one_way(scales.records):
         friction = CoulombFriction.candidates(scales)[0]
         first = friction.starts[:, :1]
         whole = at["b"] * scales.speed / float(first[0, 0])
         nearly = first[:, 0].copy()
-        nearly[0] *= (1.0 - policy.remaining_lag) * whole
+        nearly[0] *= (1.0 - DEFAULT.remaining_lag) * whole
         yield _Rival("b", Candidate(friction.term, first), whole, nearly)
 
 
-def _lagging(
-    name: str, lagging: Candidate, lag: float, policy: SelectionPolicy, *, swaps: bool = False
-) -> _Rival:
+def _lagging(name: str, lagging: Candidate, lag: float, *, swaps: bool = False) -> _Rival:
     """A sensor lag [s], the first parameter of its term, in place of the lag of the motor [s]."""
     own = lagging.term.parameters[0]
-    shares = np.array([policy.small_lag, 1.0 - policy.remaining_lag])
+    shares = np.array([DEFAULT.small_lag, 1.0 - DEFAULT.remaining_lag])
     small, nearly = np.clip(shares * lag, 1.01 * own.lower, 0.99 * own.upper)
     small = max(float(small), 1e-3 * own.upper)
     candidate = Candidate(lagging.term, columns((small,)))
@@ -190,7 +180,7 @@ def _lagging(
 def _first_order(final: _Final, part: Fit, rival: _Rival) -> Iterator[OmittedTerm]:
     """First-order change by an effect of small, free amplitude."""
     fraction = final.fraction * (_rows(final.fit) / _rows(part))
-    for score in screened(part, [rival.small], final.policy):
+    for score in screened(part, [rival.small]):
         if score.along is None or score.covariance is None:
             continue
         variance = float(score.covariance[0, 0])
@@ -203,27 +193,27 @@ def _first_order(final: _Final, part: Fit, rival: _Rival) -> Iterator[OmittedTer
         size = 1.0 / np.sqrt(fraction / variance + 1.0 / max(rival.whole, 1e-9) ** 2)
         step = np.reshape(score.along.position, -1) / weight * size
         if np.isfinite(step).all():
-            yield final.term(rival, step, fraction * score.gain, final.policy.exclusion_loss)
+            yield final.term(rival, step, fraction * score.gain, DEFAULT.exclusion_loss)
 
 
 def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[OmittedTerm]:
     """Changes to optima that are not excluded and at which the sensor has most of the lag."""
     if rival.swapped is None:
         return
-    policy, fraction, whole, part = final.policy, final.fraction, final.fit, parts[-1]
+    fraction, whole, part = final.fraction, final.fit, parts[-1]
     for base in parts:
         values = base.values.copy()
-        values[base.coordinates.names.index(rival.parameter)] *= policy.remaining_lag
+        values[base.coordinates.names.index(rival.parameter)] *= DEFAULT.remaining_lag
         # Fitting the subset's noise gains 0.5 per parameter on average; allow twice that.
         limit = final.limit(part) + (0 if part is whole else part.position.size)
-        limits = TerminationLimits(policy.steps, part.cost + limit / fraction)
+        limits = TerminationLimits(DEFAULT.steps, part.cost + limit / fraction)
         fit = _fitted_from(base, values, rival.small.term, rival.swapped, limits)
         loss = fraction * (fit.cost - part.cost)
         if not loss < limit:
             continue
         limit = final.limit(whole)
-        if part is not whole and _rows(whole) <= policy.confirmed_samples:
-            limits = TerminationLimits(policy.steps, whole.cost + limit / fraction)
+        if part is not whole and _rows(whole) <= DEFAULT.confirmed_samples:
+            limits = TerminationLimits(DEFAULT.steps, whole.cost + limit / fraction)
             fit = fitted_to(whole.simulator.records, fit, limits)
             loss = fraction * (fit.cost - whole.cost)
         if loss < limit:
@@ -231,7 +221,7 @@ def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[Omi
             moved = whole.moved_to(there).position
             step = (moved - whole.position) / np.sqrt(max(2.0 * loss, 1.0))
             own = rival.small.term.parameters[0]
-            time = None if own.vanishes else there[f"{rival.name}.{own.name}"]
+            time = None if own.vanishes else there[f"{rival.small.term.name}.{own.name}"]
             yield final.term(rival, step, -loss, limit, time)
 
 
@@ -253,9 +243,7 @@ def _rows(fit: Fit) -> int:
     return sum(record.rows for record in fit.simulator.records)
 
 
-def unresolved_transients(
-    fit: Fit, fraction: float, policy: SelectionPolicy = DEFAULT
-) -> tuple[OmittedTerm, ...]:
+def unresolved_transients(fit: Fit, fraction: float) -> tuple[OmittedTerm, ...]:
     """Parameter changes to a motor with a tenth of the inductance, unless the runs exclude it.
 
     If the motor settles within a sample interval, each sample shows only what is left of two
@@ -271,16 +259,16 @@ def unresolved_transients(
         return ()
     position = fit.position.copy()
     values = fit.values.copy()
-    values[row] *= policy.remaining_lag
+    values[row] *= DEFAULT.remaining_lag
     position[row] = fit.coordinates.of(values)[row]
     parameters = list(fit.coordinates.parameters)
     parameters[row] = replace(parameters[row], lower=values[row], upper=values[row])
-    limits = TerminationLimits(policy.steps, fit.cost + policy.exclusion_loss / fraction)
+    limits = TerminationLimits(DEFAULT.steps, fit.cost + DEFAULT.exclusion_loss / fraction)
     coordinates = Coordinates(parameters)
     simulator = fit.simulator.suited_to(values)
     found = solve(simulator, coordinates, position, fit.states, fit.weighting, limits)
     loss = fraction * (found.cost - fit.cost)
-    if not loss < policy.exclusion_loss:
+    if not loss < DEFAULT.exclusion_loss:
         return ()
     step = (found.position - fit.position) / np.sqrt(max(2.0 * loss, 1.0))
     steps = dict(zip(fit.coordinates.names, map(float, step), strict=True))

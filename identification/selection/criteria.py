@@ -60,7 +60,6 @@ class AcceptanceCriteria:
     tried: int = 1
     """Number of prototypes from which the effect was selected."""
     policy: SelectionPolicy = field(default=DEFAULT, repr=False)
-    """Limits of the criteria."""
 
     @property
     def passed(self) -> bool:

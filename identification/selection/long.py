@@ -21,7 +21,7 @@ import numpy as np
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 from identification.selection.outcome import Found, Outcome
-from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.policy import DEFAULT
 from identification.selection.refit import with_known_amplitudes
 from identification.selection.search import search
 from identification.selection.subset import fitted_to, representative_subset
@@ -37,7 +37,6 @@ def search_long(
     progress: Callable[[float], None] | None = None,
     work: float = np.inf,
     withheld: Collection[str] = (),
-    policy: SelectionPolicy = DEFAULT,
 ) -> Outcome:
     """Select the effects that the nominal model lacks, for records of any length.
 
@@ -45,18 +44,18 @@ def search_long(
     arguments are those of `search`.
     """
     tell = progress or (lambda fraction: None)
-    select = partial(search, withheld=withheld, policy=policy)
-    part = representative_subset(campaign, declared, policy)
+    select = partial(search, withheld=withheld)
+    part = representative_subset(campaign, declared)
     if part is None:
         return select(declared, campaign, progress, Budget(work))
     budget = Budget(work)
     segments, nominal = part
-    effort = Budget(policy.subset_budget * work, within=budget)
+    effort = Budget(DEFAULT.subset_budget * work, within=budget)
     found = select(nominal, segments, lambda done: tell(0.6 * done), effort, is_part=True)
-    trials = Trials(campaign, budget, tried=max(len(found.searched), 1), policy=policy)
+    trials = Trials(campaign, budget, tried=max(len(found.searched), 1))
     whole, effects = _confirmed(declared, found, trials)
     tell(0.8)
-    if _excess(whole, found.fit) < policy.least_fall or budget.spent:
+    if _excess(whole, found.fit) < DEFAULT.least_fall or budget.spent:
         complete = found.complete and not budget.spent
         return replace(found, fit=whole, effects=effects, complete=complete)
     begin = whole if effects else None

@@ -31,9 +31,8 @@ import numpy as np
 from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.selection.refit import refitted_as
-from identification.surrogates.collinear import is_formed
 from identification.surrogates.curve import HEIGHTS, REGRESSORS, AbstractCurve
-from identification.surrogates.curves import sampled
+from identification.surrogates.curves import is_formed, sampled
 
 __all__ = ["LinearPart", "linear_parts_of", "with_linear_parts", "with_linear_parts_drawn"]
 

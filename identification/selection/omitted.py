@@ -22,13 +22,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.arrays import Array
+from identification.fit.derivatives import gradient_of
 from identification.fit.solve import Fit
+from identification.linear import solution
 from identification.selection.score import Score
 
 __all__ = [
     "OmittedTerm",
     "consider_variances",
     "omitted_terms",
+    "optimum_shifts",
     "unknown_gain",
     "with_omitted_drawn",
 ]
@@ -53,6 +56,30 @@ class OmittedTerm:
     time: float | None = None
     """Time constant of the term at another optimum [s]; the draws lie between the fit and that
     optimum.  None for a first-order change."""
+
+
+def optimum_shifts(fit: Fit, changes: Sequence[Array]) -> list[Array]:
+    """Change (n_parameter, n_change) of the search coordinates by the change in each record alone.
+
+    The changes are those of the simulated channels, (n_sample, 2, n_change) for each record [A,
+    rad/s]; the optimum moves by the sum over the records.  With sensitivities J, weights W and the
+    covariance C of the parameters, a change d moves it by -C J'W d to first order.  Initial states
+    are eliminated, as in the normal equations.
+    """
+    equations, weighting = fit.equations, fit.weighting
+    size = fit.position.size
+    rights = [np.zeros((size + fit.simulator.n_state, each.shape[2])) for each in changes]
+    for block in equations.derivatives.blocks(weighting.order):
+        k = block.record
+        change = changes[k][block.samples]
+        rights[k] += gradient_of(change, block.tangent, weighting, k, block.start, block.lead)
+    covariance = equations.covariance()
+    return [
+        -covariance @ (right[:size] - coupling.T @ solution(matrix, right[size:]))
+        for right, coupling, matrix in zip(
+            rights, equations.couplings, equations.state_matrices, strict=True
+        )
+    ]
 
 
 def omitted_terms(

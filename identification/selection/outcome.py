@@ -122,7 +122,6 @@ class Outcome:
     effects: tuple[Found, ...]
     """Its effects, the largest gain first."""
     searched: tuple[Searched, ...]
-    """All examined candidates."""
     complete: bool = True
     """Whether the search ended by itself and not because its budget was spent."""
     traces: tuple[Trace, ...] = ()

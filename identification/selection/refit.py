@@ -25,7 +25,7 @@ from identification.selection.start import (
     has_odd_coefficients,
     with_usual_coefficients,
 )
-from identification.work import operations
+from identification.work import Budget, operations
 
 __all__ = [
     "refined",
@@ -57,7 +57,7 @@ def refitted_with(
     if term.equation == "thermal" and has_odd_coefficients(fit):
         again = limits
         if limits.budget is not None:
-            again = replace(limits, budget=limits.budget.longer(operations() - began))
+            again = replace(limits, budget=Budget(limits.budget.left + (operations() - began)))
         other = _refitted(with_usual_coefficients(fit), model, starts, again)
         found = min(found, other, key=lambda one: one.cost)
     return found

@@ -29,7 +29,6 @@ class Score:
     """Predicted gain of a candidate."""
 
     candidate: Candidate
-    """The structure."""
     start: Array
     """(n_parameter,) parameters, with the amplitudes that maximise the gain [unit]."""
     gain: float

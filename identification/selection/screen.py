@@ -107,6 +107,7 @@ def _groups(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
 
 def _forced(fit: Fit, candidates: Sequence[Candidate], stride: int = 1) -> Iterator[Array]:
     """Deviations caused by forcing terms, all lanes side by side, record by record."""
+    columns = _columns(candidates)
 
     def forces(k: int) -> Array:
         record = fit.simulator.records[k]
@@ -116,29 +117,28 @@ def _forced(fit: Fit, candidates: Sequence[Candidate], stride: int = 1) -> Itera
             substeps=fit.simulator.substeps and (fit.simulator.substeps[k],),
         )
         states = part.states(fit.values[:, None], fit.states[k : k + 1])[0]
-        force = np.zeros((record.rows, 2, sum(candidate.lanes for candidate in candidates)))
-        start = 0
-        for candidate in candidates:
-            row = 0 if candidate.term.equation == "electrical" else 1
+        current, speed = states[:, 0, 0], states[:, 1, 0]
+        force = np.zeros((record.rows, 2, columns[-1].stop))
+        for candidate, own in zip(candidates, columns, strict=True):
             term = candidate.term
             assert isinstance(term, AbstractForced)
-            force[:, row, start : start + candidate.lanes] = term.forces(
-                record, states[:, 0, 0], states[:, 1, 0], candidate.starts
-            )
-            start += candidate.lanes
+            row = 0 if term.equation == "electrical" else 1
+            force[:, row, own] = term.forces(record, current, speed, candidate.starts)
         return force
 
     return responses(fit, forces, stride) if candidates else iter(())
 
 
+def _columns(candidates: Sequence[Candidate]) -> list[slice]:
+    """Lanes of each candidate, all side by side."""
+    ends = np.cumsum([candidate.lanes for candidate in candidates]).tolist()
+    return [slice(end - each.lanes, end) for each, end in zip(candidates, ends, strict=True)]
+
+
 def _by_candidate(records: Iterable[Array], candidates: Sequence[Candidate]) -> list[list[Array]]:
     """For each candidate its lanes in each record."""
     whole = list(records)
-    ends = np.cumsum([candidate.lanes for candidate in candidates])
-    return [
-        [each[:, :, end - candidate.lanes : end] for each in whole]
-        for candidate, end in zip(candidates, ends, strict=True)
-    ]
+    return [[each[:, :, own] for each in whole] for own in _columns(candidates)]
 
 
 def _scores_of_forced(residual: Residual, candidates: Sequence[Candidate]) -> list[Score]:
@@ -148,11 +148,8 @@ def _scores_of_forced(residual: Residual, candidates: Sequence[Candidate]) -> li
     forced = _forced(residual.fit, candidates, residual.stride)
     projection = residual.project(forced, sum(candidate.lanes for candidate in candidates))
     scores: list[Score] = []
-    start = 0
-    for candidate in candidates:
-        own = slice(start, start + candidate.lanes)
+    for candidate, own in zip(candidates, _columns(candidates), strict=True):
         scores += _scores_from(candidate, projection.of(own))
-        start += candidate.lanes
     return scores
 
 
@@ -182,7 +179,7 @@ def _scores_by_run(
     for number, run in enumerate(runs):
         own = slice(lanes * number, lanes * (number + 1))
         scores += _scores_from(candidate.in_runs(run), projection.of(own))
-    for lane in range(lanes if candidate.recurs else 0):
+    for lane in range(lanes if candidate.term.recurs else 0):
         recurrence = projection.of(slice(lane, None, lanes))
         scores += recurring(
             candidate, lane, recurrence.onto_residual, recurrence.products, recurrence.along, runs
@@ -289,20 +286,22 @@ def _deviations(fit: Fit, known: Sequence[Array], group: Sequence[Candidate]) ->
     """
     model = fit.simulator.model.adding(*[candidate.term for candidate in group])
     records = fit.simulator.records
-    ends = np.cumsum([candidate.lanes for candidate in group])
-    rows = [np.repeat(fit.values[:, None], ends[-1], axis=1)]
-    for candidate, end in zip(group, ends, strict=True):
-        own = np.repeat(candidate.resting[:, None], ends[-1], axis=1)
-        own[:, end - candidate.lanes : end] = candidate.starts.reshape(-1, candidate.lanes)
+    columns = _columns(group)
+    lanes = columns[-1].stop
+    rows = [np.repeat(fit.values[:, None], lanes, axis=1)]
+    for candidate, column in zip(group, columns, strict=True):
+        own = np.repeat(candidate.resting[:, None], lanes, axis=1)
+        own[:, column] = candidate.starts.reshape(-1, candidate.lanes)
         rows.append(own)
     values = np.concatenate(rows)
-    simulator = fit.simulator.changed_to(model, values[:, ends - 1])
+    last = [column.stop - 1 for column in columns]
+    simulator = fit.simulator.changed_to(model, values[:, last])
     states = [
         np.concatenate([state, initial_states(model, record)[state.size :]])
         for state, record in zip(fit.states, records, strict=True)
     ]
     samples = sum(record.rows for record in records)
-    effort: Effort = "once" if samples * int(ends[-1]) < _MANY else "some"
+    effort: Effort = "once" if samples * lanes < _MANY else "some"
     with np.errstate(over="ignore", invalid="ignore"):
         deviations = [
             logged - before[:, :, None]

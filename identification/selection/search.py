@@ -35,10 +35,17 @@ from dataclasses import replace
 
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
-from identification.selection.evidence import EvaluatedModel, probabilities, scores_of
+from identification.selection.evidence import (
+    EvaluatedModel,
+    is_at_bound,
+    is_better,
+    probabilities,
+    ranked,
+    replaces,
+    scores_of,
+)
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
-from identification.selection.ranking import is_at_bound, is_better, ranked, replaces
 from identification.selection.refit import with_known_amplitudes
 from identification.selection.score import Score
 from identification.selection.steps import (
@@ -71,18 +78,13 @@ def search(
     is_part: bool = False,
     policy: SelectionPolicy = DEFAULT,
 ) -> Outcome:
-    """Select the effects that the nominal model lacks.
+    """Select the effects that the nominal model lacks, from its fit or that of another model.
 
-    Args:
-        declared: Fit of the nominal model.
-        campaign: Training and validation records.
-        progress: Called with the completed fraction [-].
-        budget: Operation budget, None for no limit; once it is spent, no new step starts.  Rounds
-            that accept an effect are not charged to it: it is extended by their operations.
-        begin: Fit of the model from which the selection starts; the nominal model if None.
-        withheld: Names of effect types that are not candidates.
-        is_part: Whether the records are a subset, so that the model is refined later.
-        policy: Limits of the search.
+    `progress` is called with the completed fraction [-].  Once the operation budget is spent, no
+    new step starts; rounds that accept an effect are not charged to it: it is extended by their
+    operations.  The selection starts from the model of `begin`, by default the nominal one.  The
+    withheld effect types are not candidates.  If the records are a part of the campaign, the model
+    is refined later.
     """
     report = progress or (lambda fraction: None)
     budget = budget or Budget()
@@ -105,9 +107,8 @@ def search(
             is_exhausted = True
             break
         _refunded(began, listed, budget)
-        is_replaced, is_postponed = _consolidate(
-            state, listed, is_first=done == 0 and begin is None
-        )
+        is_first = done == 0 and begin is None
+        is_replaced, is_postponed = _consolidate(state, listed, is_first=is_first)
         if is_replaced:
             break
     if is_exhausted and is_postponed:
@@ -119,7 +120,13 @@ def search(
     is_cut_short |= _is_overrun(trials)
     _add_curve(state, is_exhausted=is_exhausted)
     report((policy.rounds + 1) / (policy.rounds + 2))
-    return _outcome(state, nominal, is_part, not (trials.over or is_cut_short))
+    is_complete = not (trials.budget.spent or is_cut_short)
+    effects = tuple(_effects_of(state))
+    traces = traced(trials.curves(nominal)) if effects else ()
+    fit = with_known_amplitudes(state.current.fit if is_part else trials.final(state.current))
+    omitted = trials.omitted(state.current)
+    is_scored = bool(trials.scores(state.current) or trials.curves(state.current))
+    return Outcome(fit, effects, tuple(state.searched), is_complete, traces, omitted, is_scored)
 
 
 def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool, bool]:
@@ -164,16 +171,6 @@ def _refunded(began: float, *budgets: Budget) -> float:
     return now
 
 
-def _outcome(state: State, nominal: EvaluatedModel, is_part: bool, is_complete: bool) -> Outcome:
-    trials = state.trials
-    effects = tuple(_effects_of(state))
-    traces = traced(trials.curves(nominal)) if effects else ()
-    fit = with_known_amplitudes(state.current.fit if is_part else trials.final(state.current))
-    omitted = trials.omitted(state.current)
-    is_scored = bool(trials.scores(state.current) or trials.curves(state.current))
-    return Outcome(fit, effects, tuple(state.searched), is_complete, traces, omitted, is_scored)
-
-
 def _restart(state: State) -> None:
     """Repeat the selection from runner-up models of round 1 if the residual still has structure.
 
@@ -185,7 +182,7 @@ def _restart(state: State) -> None:
     if not state.current.fit.simulator.model.terms or not _has_structure(state):
         return
     for runner_up in trials.runners_up()[: trials.policy.runners]:
-        if trials.over:
+        if trials.budget.spent:
             return
         other = State(trials, state.nominal, runner_up, state.searched)
         for _ in range(trials.policy.rounds - 1):
@@ -248,7 +245,7 @@ def _fit_curve(state: State) -> None:
     case: its score is no prediction of what another point of the grid gains.
     """
     trials, nominal = state.trials, state.nominal
-    if trials.over or not _has_structure(state):
+    if trials.budget.spent or not _has_structure(state):
         return
     scores = trials.curves(nominal)
     curves = scores[: trials.policy.curves]
@@ -283,7 +280,7 @@ def _add_curve(state: State, *, is_exhausted: bool) -> None:
     curve again.  A model with an unlisted term gets no second one.
     """
     trials, listed = state.trials, state.current
-    curves = [] if trials.over else _curves_worth_a_refit(state)
+    curves = [] if trials.budget.spent else _curves_worth_a_refit(state)
     if state.curve is None and listed is not state.nominal:
         _fit_curve(state)
     if state.curve is not None and replaces(state.curve, listed, trials.policy):
@@ -324,7 +321,7 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
         rivals = [
             settled(state, rival, term) for rival in trials.evaluated_rivals(simpler, term.name)
         ]
-        if not trials.over and term.name != "unlisted":
+        if not trials.budget.spent and term.name != "unlisted":
             curves = [r for r in rivals if r.fit.simulator.model.terms[-1].name == "unlisted"]
             rivals = [*rivals_of(state, simpler, term.name), *curves]
         rivals = [rival for rival in rivals if trials.criteria(rival, simpler).passed]

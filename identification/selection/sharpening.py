@@ -21,11 +21,11 @@ from typing import Final
 import numpy as np
 
 from identification.effects.effect import effects_of
-from identification.fit.optimum_shift import optimum_shifts
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.model.simulate import Simulator
+from identification.selection.omitted import optimum_shifts
 from identification.selection.outcome import Outcome
-from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.policy import DEFAULT
 from identification.work import Budget
 
 __all__ = ["sharpened", "with_sharp_friction"]
@@ -42,17 +42,17 @@ def with_sharp_friction(outcome: Outcome) -> Outcome:
     return replace(outcome, fit=sharp, smooth=smooth)
 
 
-def sharpened(fit: Fit, policy: SelectionPolicy = DEFAULT) -> Fit:
+def sharpened(fit: Fit) -> Fit:
     """Fit whose parameters are not biased by smoothed friction and finite substeps.
 
     The same fit if the bias is small, or if the runs prefer the smoothed friction.
     """
     # As the finish of the final model, without limit: a truncated search has spent its own budget.
-    limits = TerminationLimits(policy.steps, budget=Budget())
+    limits = TerminationLimits(DEFAULT.steps, budget=Budget())
     if not fit.simulator.model.terms or limits.over:
         return fit
     sharp = _sharper(fit)
-    if not _largest_bias(fit, sharp) > policy.bias:
+    if not _largest_bias(fit, sharp) > DEFAULT.bias:
         return fit
     found = continued(replace(fit, simulator=sharp), limits)
     found = renewed(found if found.converged else continued(found, limits), limits)

@@ -121,16 +121,9 @@ def begun(
         values = coordinates.values(position)
         cheaper = fit.simulator.changed_to(model, values)
         cheaper = cheaper.roughly_accurate(values, states, weighting.deviation)
-        if _WORTH * _steps(cheaper) <= _steps(simulator):
+        if _WORTH * cheaper.steps <= simulator.steps:
             simulator = cheaper
     return simulator, position, states
-
-
-def _steps(simulator: Simulator) -> int:
-    """Number of integration steps of one simulation of all records."""
-    if simulator.substeps is None:
-        return sum(record.rows for record in simulator.records)
-    return sum(int(counts.sum()) for counts in simulator.substeps)
 
 
 def _extended(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Start) -> Point:
@@ -215,11 +208,6 @@ def _following(fit: Fit, model: MotorModel, coordinates: Coordinates, along: Alo
 
 def _states(fit: Fit, model: MotorModel, k: int) -> Array:
     """Initial state of record `k` of a changed model: fitted values, defaults for new states."""
-    record = fit.simulator.records[k]
-    fresh = dict(zip(model.state_names, initial_states(model, record), strict=True))
-    fresh |= {
-        name: value
-        for name, value in zip(fit.simulator.model.state_names, fit.states[k], strict=True)
-        if name in fresh
-    }
-    return np.array([fresh[name] for name in model.state_names])
+    known = dict(zip(fit.simulator.model.state_names, fit.states[k], strict=True))
+    fresh = zip(model.state_names, initial_states(model, fit.simulator.records[k]), strict=True)
+    return np.array([known.get(name, value) for name, value in fresh])

@@ -12,9 +12,8 @@ from identification.fit.solve import TerminationLimits
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.criteria import AcceptanceCriteria
-from identification.selection.evidence import UNCOMPUTED, EvaluatedModel
+from identification.selection.evidence import UNCOMPUTED, EvaluatedModel, ranked
 from identification.selection.outcome import Searched
-from identification.selection.ranking import ranked
 from identification.selection.refit import swapped
 from identification.selection.score import Score
 from identification.selection.trials import Trials
@@ -147,7 +146,7 @@ def enrich(state: State) -> None:
     """Replace effects by extended variants of their laws, as long as the variants are accepted."""
     for found in effects_of(state.current.fit.simulator.model.terms):
         left = list(found.richer)
-        while left and not state.trials.over:
+        while left and not state.trials.budget.spent:
             term = left.pop(0)
             richer = state.trials.enriched(state.current, term)
             criteria = state.trials.criteria(richer, state.current)
@@ -178,7 +177,7 @@ def exchange(state: State) -> None:
     """Replace effects by other types that meet the criteria and rank better."""
     trials = state.trials
     for term in state.current.fit.simulator.model.terms:
-        if trials.over:
+        if trials.budget.spent:
             return
         simpler = trials.without(state.current, term)
         rivals = rivals_of(state, simpler, term.name)

@@ -32,7 +32,7 @@ from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.weighting import Weighting
-from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.policy import DEFAULT
 
 __all__ = ["fitted_to", "informative_segments", "representative_subset", "subset_of_fit"]
 
@@ -42,38 +42,34 @@ _SWEEPS: Final = 2
 """Passes of the exchange over all records."""
 
 
-def representative_subset(
-    campaign: Campaign, declared: Fit, policy: SelectionPolicy = DEFAULT
-) -> tuple[Campaign, Fit] | None:
+def representative_subset(campaign: Campaign, declared: Fit) -> tuple[Campaign, Fit] | None:
     """Segments of the records of a campaign, and the nominal model fitted to them.
 
     None if the records are short.
     """
-    if sum(record.rows for record in campaign.training) <= policy.subset_ratio * PART_ROWS:
+    if sum(record.rows for record in campaign.training) <= DEFAULT.subset_ratio * PART_ROWS:
         return None
-    training = _segments(campaign.training, declared.residuals(), PART_ROWS, policy)
+    training = _segments(campaign.training, declared.residuals(), PART_ROWS)
     unseen = simulate_unseen(declared, campaign.validation)
-    validation = _segments(
-        [s.record for s in unseen], [s.residual for s in unseen], PART_ROWS // 2, policy
-    )
+    validation = _segments([s.record for s in unseen], [s.residual for s in unseen], PART_ROWS // 2)
     own = declared.simulator
     simulator = Simulator.fitting(own.model, training, declared.values)
     fit = solve(simulator, declared.coordinates, declared.position)
     return replace(campaign, training=tuple(training), validation=tuple(validation)), fit
 
 
-def subset_of_fit(fit: Fit, policy: SelectionPolicy = DEFAULT) -> Fit:
+def subset_of_fit(fit: Fit) -> Fit:
     """A model fitted to segments of its records; the fit itself if the records are short."""
     records = fit.simulator.records
-    if sum(record.rows for record in records) <= policy.subset_ratio * PART_ROWS:
+    if sum(record.rows for record in records) <= DEFAULT.subset_ratio * PART_ROWS:
         return fit
-    return fitted_to(_segments(records, fit.residuals(), PART_ROWS, policy), fit)
+    return fitted_to(_segments(records, fit.residuals(), PART_ROWS), fit)
 
 
 def informative_segments(records: Sequence[Record], rows: int) -> list[Record]:
     """Segments of records to which no model has been fitted, with so many samples in all."""
     residuals = [np.zeros_like(record.measured) for record in records]
-    return _segments(records, residuals, rows, DEFAULT)
+    return _segments(records, residuals, rows)
 
 
 def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | None = None) -> Fit:
@@ -91,13 +87,11 @@ def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | N
     )
 
 
-def _segments(
-    records: Sequence[Record], residuals: Sequence[Array], rows: int, policy: SelectionPolicy
-) -> list[Record]:
+def _segments(records: Sequence[Record], residuals: Sequence[Array], rows: int) -> list[Record]:
     """One segment of each record, about `rows` samples in total."""
     total = sum(record.rows for record in records)
     lengths = [
-        min(r.rows, max(policy.segment_samples, int(rows * r.rows / total))) for r in records
+        min(r.rows, max(DEFAULT.segment_samples, int(rows * r.rows / total))) for r in records
     ]
     scale = np.sqrt(np.mean([np.mean(f**2, axis=0) for f in _regressors(records, residuals)], 0))
     moments = [

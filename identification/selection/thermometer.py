@@ -24,13 +24,12 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from identification.arrays import Array
-from identification.fit.optimum_shift import optimum_shifts
 from identification.fit.solve import Fit
 from identification.linear import root, solution
 from identification.model.excitation import Record
 from identification.model.term import AbstractTemperature
-from identification.selection.omitted import OmittedTerm
-from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.omitted import OmittedTerm, optimum_shifts
+from identification.selection.policy import DEFAULT
 
 __all__ = ["thermometer_errors"]
 
@@ -38,9 +37,7 @@ _ORDERS: Final = 6
 """Legendre polynomials of a record's error."""
 
 
-def thermometer_errors(
-    fit: Fit, fraction: float, policy: SelectionPolicy = DEFAULT
-) -> tuple[OmittedTerm, ...]:
+def thermometer_errors(fit: Fit, fraction: float) -> tuple[OmittedTerm, ...]:
     """Parameter changes by the unknown error of coarse temperature logs, as independent directions.
 
     A direction that widens an interval too little is dropped.
@@ -64,7 +61,7 @@ def thermometer_errors(
             dict(zip(names, map(float, factor @ direction * widening), strict=True)),
         )
         for direction, widening in zip(directions.T, widenings, strict=True)
-        if widening > policy.widening
+        if widening > DEFAULT.widening
     )
 
 

@@ -14,10 +14,11 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
+from identification.effects.orders import largest_peaks
 from identification.fit.solve import Fit
 from identification.model.excitation import sample_interval
+from identification.selection.candidates import scales_of
 from identification.selection.policy import DEFAULT, SelectionPolicy
-from identification.selection.scales import scales_of
 from identification.selection.score import Score, gathered
 from identification.selection.screen import screened
 from identification.surrogates.curve import AbstractCurve
@@ -63,15 +64,13 @@ def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:
     curves = [(s, s.candidate.term) for s in scores if isinstance(s.candidate.term, AbstractCurve)]
     alone = [(score, term) for score, term in curves if not term.carrier]
     most = max((score.gain for score, _ in alone), default=0.0)
-    return tuple(
-        _trace(score, term, most) for score, term in alone if score.gain > _LEAST_SHARE * most
-    )
-
-
-def _trace(score: Score, term: AbstractCurve, most: float) -> Trace:
-    grid = term.grid(_POINTS)
-    curve = -term.shapes(grid) @ score.start
-    return Trace(term.equation, term.drivers[0], score.gain, score.gain / most, grid, curve)
+    traces = []
+    for score, term in alone:
+        if score.gain > _LEAST_SHARE * most:
+            grid, along, share = term.grid(_POINTS), term.drivers[0], score.gain / most
+            curve = -term.shapes(grid) @ score.start
+            traces.append(Trace(term.equation, along, score.gain, share, grid, curve))
+    return tuple(traces)
 
 
 def _peaks(fit: Fit) -> tuple[float, ...]:
@@ -88,18 +87,6 @@ def _peaks(fit: Fit) -> tuple[float, ...]:
             residual = (record.measured - logged)[:, channel] * record.weight[:, channel]
             power += np.abs(np.fft.rfft(residual - residual.mean(), length)) ** 2
         power[:4] = 0.0
-        found += _highest(power, length * interval)
+        peaks = largest_peaks(power, _PEAKS, 4, np.finfo(np.float64).tiny)
+        found += [at / (length * interval) for at in peaks]
     return tuple(sorted(set(found)))
-
-
-def _highest(power: Array, duration: float) -> list[float]:
-    """Frequencies of the largest separate maxima of a spectrum [Hz]."""
-    left = power.copy()
-    found = []
-    for _ in range(_PEAKS):
-        at = int(np.argmax(left))
-        if left[at] <= 0.0:
-            break
-        found.append(at / duration)
-        left[max(at - 4, 0) : at + 5] = 0.0
-    return found

@@ -55,7 +55,6 @@ class Trials:
     withheld: Collection[str] = ()
     """Names of effect types that are not candidates."""
     policy: SelectionPolicy = DEFAULT
-    """Limits of the search."""
     _evaluated: dict[Key, EvaluatedModel] = field(default_factory=dict)
     _fits: dict[Key, Fit] = field(default_factory=dict)
     _scores: dict[Key, list[Score]] = field(default_factory=dict)
@@ -63,11 +62,6 @@ class Trials:
     _uncomputed: dict[Key, list[str]] = field(default_factory=dict)
     _unfinished: set[Key] = field(default_factory=set)
     _retried: set[tuple[Key, Key]] = field(default_factory=set)
-
-    @property
-    def over(self) -> bool:
-        """Whether the budget is spent."""
-        return self.budget.spent
 
     def limits(
         self, abandon_cost: float = np.inf, longest: float = np.inf, reference: float = np.inf

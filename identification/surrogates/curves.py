@@ -3,13 +3,19 @@
 The part of each basis function that is collinear with a nominal parameter is removed (a straight
 line in speed is viscous friction), so the nominal parameters keep their meaning during the search.
 The data cannot attribute that part; `selection.non_identifiable` adds it to the final model.
+
+The principal angles between the span of the basis and the span of current and speed give the
+directions that both contain (canonical correlations).  A direction that is only similar does not
+count, since the data can separate it.
+
+Source: Bjorck and Golub, Mathematics of Computation 27 (1973), 579-594 (angles between subspaces).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -17,85 +23,79 @@ from identification.arrays import Array
 from identification.effects.effect import CampaignScales, Candidate
 from identification.model.excitation import Record
 from identification.model.term import AbstractTorque, AbstractVoltage, Expression, Signals, Values
-from identification.surrogates.collinear import imitated
 from identification.surrogates.curve import HEIGHTS, AbstractCurve
 
-__all__ = ["MissingTorque", "MissingVoltage", "sampled"]
+__all__ = ["MissingTorque", "MissingVoltage", "imitated", "is_formed", "sampled"]
 
 _NEAR_ZERO: Final = 0.15
 _LOOKED_AT: Final = 500
-
-_TORQUES: Final = (
-    ("speed", ""),
-    ("current", ""),
-    ("position", ""),
-    ("temperature", ""),
-    ("time", ""),
-    ("size of current", "direction"),
-    ("temperature", "direction"),
-    ("time", "direction"),
-    ("time in the run", "direction"),
-    ("position", "direction"),
-    ("time", "speed"),
-    ("time in the run", "speed"),
-)
-"""Signal and carrier of each torque curve."""
-
-_VOLTAGES: Final = (
-    ("current", ""),
-    ("speed", ""),
-    ("voltage", ""),
-    ("temperature", ""),
-    ("time", ""),
-    ("size of speed", "current"),
-    ("time", "current"),
-    ("time in the run", "current"),
-    ("position", ""),
-)
-"""Signal and carrier of each voltage curve."""
+_SAME: Final = 0.98
+"""Squared cosine above which directions count as collinear: at most 2 % of their power differs."""
+_SEEN: Final = 1e-8
 
 
 @dataclass(frozen=True)
-class MissingTorque(AbstractCurve, AbstractTorque):
+class _Missing(AbstractCurve):
+    """Curve in place of an effect that the catalogue lacks."""
+
+    pairs: ClassVar[tuple[tuple[str, str], ...]]  # signal and carrier of each curve
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """Curves in each signal that varies, the spline coefficients of each scored together."""
+        size = scales.torque if cls.equation == "mechanical" else scales.voltage
+        terms = (_curve(cls, scales, along, carrier, size) for along, carrier in cls.pairs)
+        starts = 0.05 * size * np.eye(HEIGHTS)
+        return [Candidate(term, starts, joint=HEIGHTS) for term in terms if term is not None]
+
+
+@dataclass(frozen=True)
+class MissingTorque(_Missing, AbstractTorque):
     """Torque that no effect of the catalogue explains, as a curve."""
 
     equation = "mechanical"
     unit = "N m"
+    pairs = (
+        ("speed", ""),
+        ("current", ""),
+        ("position", ""),
+        ("temperature", ""),
+        ("time", ""),
+        ("size of current", "direction"),
+        ("temperature", "direction"),
+        ("time", "direction"),
+        ("time in the run", "direction"),
+        ("position", "direction"),
+        ("time", "speed"),
+        ("time in the run", "speed"),
+    )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """The torque [N m]."""
         return self.missing(signals, values)
 
-    @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """Every torque curve in a signal that varies."""
-        return _curves(cls, scales, scales.torque, _TORQUES)
-
 
 @dataclass(frozen=True)
-class MissingVoltage(AbstractCurve, AbstractVoltage):
+class MissingVoltage(_Missing, AbstractVoltage):
     """Voltage that no effect of the catalogue explains, as a curve."""
 
     equation = "electrical"
     unit = "V"
+    pairs = (
+        ("current", ""),
+        ("speed", ""),
+        ("voltage", ""),
+        ("temperature", ""),
+        ("time", ""),
+        ("size of speed", "current"),
+        ("time", "current"),
+        ("time in the run", "current"),
+        ("position", ""),
+    )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         """The voltage [V]."""
         return self.missing(signals, values)
-
-    @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """Every voltage curve in a signal that varies."""
-        return _curves(cls, scales, scales.voltage, _VOLTAGES)
-
-
-def _curves(
-    kind: type[AbstractCurve], scales: CampaignScales, size: float, pairs: Sequence[tuple[str, str]]
-) -> list[Candidate]:
-    """Curves of one kind, the spline coefficients of each scored together."""
-    terms = (_curve(kind, scales, along, carrier, size) for along, carrier in pairs)
-    starts = 0.05 * size * np.eye(HEIGHTS)
-    return [Candidate(term, starts, joint=HEIGHTS) for term in terms if term is not None]
 
 
 def _curve(
@@ -164,7 +164,7 @@ def sampled(term: AbstractCurve, records: Sequence[Record]) -> tuple[Array, Arra
     """
     columns, regressors = [], []
     for record in records:
-        sparse = _every(record, max(record.rows // _LOOKED_AT, 1))
+        sparse = record.at(slice(None, None, max(record.rows // _LOOKED_AT, 1)))
         current, speed = sparse.measured.T
         columns.append(term.columns(sparse, current, speed))
         sizes = (current / term.current, speed / term.speed, sparse.column("voltage") / term.size)
@@ -172,9 +172,26 @@ def sampled(term: AbstractCurve, records: Sequence[Record]) -> tuple[Array, Arra
     return np.concatenate(columns), np.concatenate(regressors)
 
 
-def _every(record: Record, step: int) -> Record:
-    """Every `step`-th sample of a record; its intervals are not valid for simulation."""
-    return replace(
-        record, time=record.time[::step], inputs=record.inputs[::step],
-        measured=record.measured[::step], weight=record.weight[::step], whole=None,
-    )  # fmt: skip
+def imitated(basis: Array, signals: Array) -> Array:
+    """Coefficients (n_function, n_signal) of signals in basis functions along shared directions.
+
+    The basis is (n_sample, n_function), the signals (n_sample, n_signal) are linearly independent.
+    """
+    own, triangle = np.linalg.qr(signals)
+    cosines = _orthonormal(basis).T @ own
+    _, cosine, directions = np.linalg.svd(cosines, full_matrices=False)
+    shared = directions[cosine**2 > _SAME]
+    inside = (basis.T @ own) @ shared.T @ shared
+    return np.asarray(np.linalg.lstsq(triangle, inside.T, rcond=_SEEN)[0].T)
+
+
+def is_formed(basis: Array, signal: Array) -> bool:
+    """Whether a signal (n_sample,) lies in the span of a basis (n_sample, n_function), as above."""
+    inside = _orthonormal(basis).T @ signal
+    return bool(inside @ inside > _SAME * (signal @ signal))
+
+
+def _orthonormal(basis: Array) -> Array:
+    """(n_sample, n_direction) orthonormal basis of the column space."""
+    left, sizes, _ = np.linalg.svd(basis, full_matrices=False)
+    return np.asarray(left[:, sizes > _SEEN * max(float(sizes[0]), 1e-300)])

@@ -70,7 +70,10 @@ def _law(
     laws: Sequence[type[AbstractEffect]], settings: Mapping[str, object]
 ) -> type[AbstractEffect] | None:
     """The law with exactly these settings, or None."""
-    return next((law for law in laws if law.setting_names() == set(settings)), None)
+    for law in laws:
+        if {field.name for field in dataclasses.fields(law)} == set(settings):
+            return law
+    return None
 
 
 def _without_lists(value: object) -> object:

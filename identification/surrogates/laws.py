@@ -9,7 +9,7 @@ turns alone until it has crossed the play.  A supply sags with the current that 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Final
 
@@ -66,6 +66,7 @@ class AngularFriction(AbstractForced, AbstractTorque):
 
     name = "unlisted"
     variant = "Coulomb friction periodic in the shaft angle"
+    amplitude_scale = "torque_size"
     equation = "mechanical"
     drivers = ("position", "speed")
     source = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
@@ -84,10 +85,6 @@ class AngularFriction(AbstractForced, AbstractTorque):
         """The amplitudes, if they are free in each record."""
         names = _names() if self.free else []
         return tuple(State(name, "N m", scale=self.torque_size, is_own=True) for name in names)
-
-    def expecting(self, size: float) -> AngularFriction:
-        """The term with this prior standard deviation of the per-record amplitudes [N m]."""
-        return replace(self, torque_size=size)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """The torque [N m]."""

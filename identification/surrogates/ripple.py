@@ -5,8 +5,8 @@ The amplitudes are free in each record, since the phase at the start of a run is
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Self
+from dataclasses import dataclass
+from typing import ClassVar, Final
 
 import casadi as ca
 import numpy as np
@@ -50,6 +50,7 @@ class _Ripple(AbstractForced):
     requires."""
 
     name = "unlisted"
+    amplitude_scale = "size"
     drivers = ("time",)
     unit: ClassVar[str]
     source = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
@@ -102,10 +103,6 @@ class _Ripple(AbstractForced):
             wave = np.cos if row % 2 else np.sin
             found += starts[2 + row] * wave(2 * np.pi * order * turns)
         return found
-
-    def expecting(self, size: float) -> Self:
-        """The term with this prior standard deviation of per-record amplitudes [N m] or [V]."""
-        return replace(self, size=size)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

@@ -14,8 +14,8 @@ from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.noise import effective_fraction
 from identification.ingest.run import Run
-from identification.selection.omitted import consider_variances
 from identification.selection.confounded import unresolved_transients
+from identification.selection.omitted import consider_variances
 from tests.motors import simulated
 
 Array = NDArray[np.float64]

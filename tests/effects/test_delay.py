@@ -13,8 +13,8 @@ from identification.effects.sensor import ChannelDelay
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.solve import Fit
+from identification.selection.candidates import scales_of
 from identification.selection.refit import refitted_with, refitted_without
-from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from identification.selection.start import Start
 from tests.effects.hidden import records_of_bench

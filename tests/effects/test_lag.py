@@ -15,7 +15,7 @@ from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
 from identification.ingest.run import Run
-from identification.selection.scales import scales_of
+from identification.selection.candidates import scales_of
 from identification.selection.search import search
 from tests.motors import drive, motor_named, simulated
 

@@ -16,8 +16,8 @@ from identification.model.printing import printed_equations
 from identification.model.simulate import Simulator
 from identification.model.tangent import tangent
 from identification.model.term import AbstractTerm
+from identification.selection.candidates import scales_of
 from identification.selection.refit import refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from identification.surrogates.entry import term_of
 from tests.effects.hidden import records_of_bench

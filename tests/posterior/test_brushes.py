@@ -13,8 +13,8 @@ from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
 from identification.posterior.density import Posterior
 from identification.posterior.sample import sample
+from identification.selection.candidates import scales_of
 from identification.selection.refit import refined, refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.start import Start
 
 

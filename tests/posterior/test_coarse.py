@@ -16,10 +16,9 @@ from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.substeps import evenly
-from identification.posterior.density import coarser
-from identification.posterior.density import Posterior
+from identification.posterior.density import Posterior, coarser
+from identification.selection.candidates import scales_of
 from identification.selection.refit import refined, refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.start import Start
 from tests.motors import campaign, motor_named
 

@@ -20,8 +20,8 @@ from identification.posterior.density import Posterior
 from identification.posterior.ridge import Ridge
 from identification.posterior.ridge_tracing import ridge_of
 from identification.posterior.sample import sample
+from identification.selection.candidates import scales_of
 from identification.selection.refit import refined, refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.start import Start
 from tests.motors import Motor, campaign, motor_named
 from tests.posterior.test_brushes import brushes_fitted

@@ -19,11 +19,11 @@ from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
 from identification.posterior.density import Posterior
 from identification.result.omitted import confounded_warnings
+from identification.selection.candidates import scales_of
 from identification.selection.confounded import confounded_terms
 from identification.selection.omitted import OmittedTerm, consider_variances, with_omitted_drawn
 from identification.selection.policy import DEFAULT
 from identification.selection.refit import refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.start import Start
 from tests.effects.hidden import records_of_bench
 from tests.motors import Excitation, campaign, motor_named

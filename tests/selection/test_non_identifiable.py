@@ -16,17 +16,16 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
 from identification.posterior.density import Posterior
+from identification.selection.candidates import scales_of
 from identification.selection.non_identifiable import (
     linear_parts_of,
     with_linear_parts,
     with_linear_parts_drawn,
 )
 from identification.selection.refit import refined, refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.start import Start
-from identification.surrogates.collinear import imitated, is_formed
 from identification.surrogates.curve import HEIGHTS, AbstractCurve
-from identification.surrogates.curves import MissingTorque, MissingVoltage
+from identification.surrogates.curves import MissingTorque, MissingVoltage, imitated, is_formed
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 

@@ -16,6 +16,7 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
 from identification.result.omitted import omitted_warnings
+from identification.selection.candidates import scales_of
 from identification.selection.omitted import (
     OmittedTerm,
     consider_variances,
@@ -23,7 +24,6 @@ from identification.selection.omitted import (
     unknown_gain,
     with_omitted_drawn,
 )
-from identification.selection.scales import scales_of
 from identification.selection.screen import screened
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named

@@ -13,7 +13,7 @@ from identification.fit.solve import TerminationLimits, optimised
 from identification.model.excitation import records_of
 from identification.model.parameter import Coordinates
 from identification.model.substeps import evenly
-from identification.selection.scales import scales_of
+from identification.selection.candidates import scales_of
 from identification.selection.screen import screened
 from tests.motors import campaign, motor_named
 

@@ -18,8 +18,8 @@ from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.ingest.run import Run
 from identification.quantities import DECLARED_PARAMETERS
+from identification.selection.candidates import scales_of
 from identification.selection.refit import refined, refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.sharpening import sharpened
 from identification.selection.start import Start
 

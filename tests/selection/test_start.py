@@ -19,9 +19,9 @@ from identification.fit.declared import fit_declared
 from identification.fit.solve import TerminationLimits, solve
 from identification.model.parameter import Coordinates
 from identification.model.weighting import Weighting
+from identification.selection.candidates import scales_of
 from identification.selection.policy import SelectionPolicy
 from identification.selection.refit import refitted_as, refitted_with, swapped
-from identification.selection.scales import scales_of
 from identification.selection.score import sized
 from identification.selection.screen import screened
 from identification.selection.start import Start, begun, has_odd_coefficients, traded

@@ -104,7 +104,7 @@ def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() ->
 
     (found,) = search._effects_of(state)
 
-    assert trials.over
+    assert trials.budget.spent
     assert found.name == "coulomb_friction"
     assert found.probability > 0.95
     assert [term.name for term in state.current.fit.simulator.model.terms] == ["coulomb_friction"]

@@ -23,8 +23,8 @@ from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
 from identification.model.term import AbstractTerm
+from identification.selection.candidates import scales_of
 from identification.selection.refit import refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.start import Start
 from identification.speed_loop import METRIC_UNITS, feedback_metrics
 from identification.speed_loop.closed_loop import ClosedLoop, LoopRun, acting_terms, simulated_loop

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identification.fit.declared import fit_declared
 from identification.model.excitation import records_of
 from identification.model.term import Signals
-from identification.selection.scales import scales_of
+from identification.selection.candidates import scales_of
 from identification.surrogates.curve import HEIGHTS
 from identification.surrogates.curves import MissingTorque
 from tests.motors import campaign, motor_named

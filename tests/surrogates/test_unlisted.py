@@ -18,9 +18,9 @@ from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import Signals, Values
+from identification.selection.candidates import scales_of
 from identification.selection.outcome import Outcome
 from identification.selection.refit import refitted_with
-from identification.selection.scales import scales_of
 from identification.selection.search import search
 from identification.selection.tracing import missing_curves, traced
 from identification.surrogates.curves import MissingTorque
