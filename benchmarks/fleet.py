@@ -31,7 +31,7 @@ from bench import make_campaign
 from bench.motors import Motor, random_motor
 from benchmarks.coverage import run_of
 from identification import FitOptions, identify
-from identification.fleet.causes import CAUSES, AbstractCause
+from identification.fleet.causes import CAUSES, Cause
 from identification.fleet.explanation import REPEATABILITY, Explanation, explanations
 from identification.fleet.pooling import pools_of
 from identification.fleet.refit import Estimate, Refit, Size, compared_with, refit_of
@@ -91,7 +91,7 @@ def _refit(name: str, values: Array, sds: Array, correlation: Array, with_effect
 def simulated_fleet(
     motors: int,
     rng: np.random.Generator,
-    drifts: Mapping[int, tuple[AbstractCause, float]],
+    drifts: Mapping[int, tuple[Cause, float]],
     with_effects: bool = True,
 ) -> list[Refit]:
     """Simulate a fleet with two results for each motor.

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.fleet import simulated_fleet
 from identification import Run
-from identification.fleet.causes import CAUSES, AbstractCause
+from identification.fleet.causes import CAUSES, Cause
 from identification.fleet.explanation import UNDECIDED, Explanation, explanations
 from identification.fleet.page import render_fleet
 from identification.fleet.refit import Refit, Size, compared_with, refit_of
@@ -150,7 +150,7 @@ def test_unchanged_fleets_hardly_raise_an_alarm() -> None:
 
 
 @pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: cause.name)
-def test_cause_is_named_or_listed_for_large_changes(cause: AbstractCause) -> None:
+def test_cause_is_named_or_listed_for_large_changes(cause: Cause) -> None:
     """20 motors changed by 10 % (friction 50 %) along the cause: five combined sd or more."""
     rng = np.random.default_rng(6)
     found = explanations(simulated_fleet(20, rng, dict.fromkeys(range(20), (cause, 0.1))))
