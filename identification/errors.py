@@ -2,37 +2,7 @@
 
     IdentificationError
     ├── InputError                 the caller's data or options are at fault; exit status 2
-    │   ├── RunFileError           a run file cannot be read as a run
-    │   │   ├── UnreadableFile     the file does not exist or cannot be opened
-    │   │   ├── FileTooLarge       more bytes, rows or columns than the limit
-    │   │   ├── OutOfMemory        the content needs more memory than there is
-    │   │   ├── LineTooLong        one line is longer than the limit
-    │   │   ├── HeaderTooLong      one header cell is longer than the limit
-    │   │   ├── NotText            a binary file of no known format, NUL bytes, an unknown encoding
-    │   │   ├── DamagedFile        a file of a known format that cannot be decoded
-    │   │   ├── UnsupportedContent a file of a known format with content that is not read
-    │   │   ├── MissingLibrary     the library of the format is not installed
-    │   │   ├── AmbiguousTable     several tables of the file contain a run
-    │   │   ├── EmptyFile          no bytes, or only blank lines
-    │   │   ├── NoTable            no line of numbers in columns was found
-    │   │   ├── NoHeader           no line of column names above the numbers
-    │   │   ├── NoRows             a header without samples below it
-    │   │   ├── TooFewRows         fewer samples than an identification can use
-    │   │   ├── RaggedRow          a line whose number of fields differs from the others
-    │   │   ├── UnclosedQuote      a quotation mark that is not closed
-    │   │   ├── MissingColumn      a required channel has no column
-    │   │   ├── AmbiguousColumn    several columns could be the same channel
-    │   │   ├── DuplicateColumn    two columns have the same name
-    │   │   ├── UnknownUnit        a unit that is not in the table
-    │   │   ├── WrongUnit          a unit of another quantity
-    │   │   ├── AmbiguousUnit      no unit is given, or two that disagree
-    │   │   ├── MappingError       the mapping itself is at fault
-    │   │   ├── NotANumber         a cell that is not a number
-    │   │   ├── NotFinite          NaN or infinity in a cell
-    │   │   ├── MissingValue       a blank cell
-    │   │   ├── RepeatedTime       two samples at one time
-    │   │   ├── BackwardTime       a time earlier than in the row above
-    │   │   └── AbsurdValue        a value that no brushed motor can have
+    │   ├── RunFileError           a run file cannot be read as a run; a leaf for each reason
     │   ├── ContradictoryRuns      runs contradict physics or each other
     │   └── OptionError            an option has a value that is not accepted
     └── ComputationError           the input was valid, but the calculation failed; exit status 1
