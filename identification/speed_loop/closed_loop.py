@@ -27,7 +27,7 @@ from identification.model.scan import scan_of
 from identification.model.step import advance
 from identification.model.step_plan import plan_for
 from identification.model.term import AbstractTemperature, AbstractTerm, Expression
-from identification.speed_loop.controller import AbstractController, P
+from identification.speed_loop.controller import PID, AbstractController
 
 __all__ = ["ClosedLoop", "LoopRun", "acting_terms", "fastest_rate", "simulated_loop"]
 
@@ -60,7 +60,7 @@ def _belongs_to_a_run(term: AbstractTerm) -> bool:
 class ClosedLoop(MotorModel):
     """Motor and controller; the input ``voltage`` is the speed reference [rad/s]."""
 
-    controller: AbstractController = P("P:1", 1.0)
+    controller: AbstractController = PID("P:1", kp=1.0)
     """Controller of the speed."""
 
     @cached_property

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -32,11 +32,9 @@ from identification.numerals import decimal_of
 
 __all__ = [
     "ACCEPTED_CONTROLLERS",
-    "PI",
+    "KINDS",
     "PID",
-    "PIFF",
     "AbstractController",
-    "P",
     "TransferFunction",
     "parse_controller",
     "parse_controllers",
@@ -101,79 +99,34 @@ class AbstractController(ABC):
 
 
 @dataclass(frozen=True)
-class P(AbstractController):
-    """Proportional controller."""
-
-    text: str
-    proportional: float
-    """Gain kp [V s/rad]."""
-
-    def transfer_function(self) -> TransferFunction:
-        """C(s) = kp."""
-        return TransferFunction((self.proportional,))
-
-
-@dataclass(frozen=True)
-class PI(AbstractController):
-    """Proportional-integral controller."""
-
-    text: str
-    proportional: float
-    """Gain kp [V s/rad]."""
-    integral: float
-    """Gain ki [V/rad]."""
-
-    def transfer_function(self) -> TransferFunction:
-        """C(s) = kp + ki / s."""
-        return _parallel(self.proportional, self.integral, 0.0)
-
-
-@dataclass(frozen=True)
-class PIFF(AbstractController):
-    """Proportional-integral controller with static feed-forward of the reference."""
-
-    text: str
-    proportional: float
-    """Gain kp [V s/rad]."""
-    integral: float
-    """Gain ki [V/rad]."""
-    forward: float
-    """Feed-forward gain kff [V s/rad]."""
-
-    def transfer_function(self) -> TransferFunction:
-        """Feedback kp + ki / s, and kff from the reference alone."""
-        control = _parallel(self.proportional, self.integral, 0.0)
-        if not self.integral:
-            return TransferFunction(
-                control.numerator, reference=(self.proportional + self.forward,)
-            )
-        direct = self.proportional + self.forward
-        return TransferFunction(control.numerator, (1.0, 0.0), (0.0, direct, self.integral))
-
-
-@dataclass(frozen=True)
 class PID(AbstractController):
-    """Proportional-integral-derivative controller."""
+    """PID controller with static feed-forward of the reference; gains that a kind lacks are 0."""
 
     text: str
-    proportional: float
-    """Gain kp [V s/rad]."""
-    integral: float
-    """Gain ki [V/rad]."""
-    derivative: float
-    """Gain kd [V s^2/rad]."""
+    kp: float = 0.0
+    """Proportional gain [V s/rad]."""
+    ki: float = 0.0
+    """Integral gain [V/rad]."""
+    kd: float = 0.0
+    """Derivative gain [V s^2/rad]."""
+    kff: float = 0.0
+    """Feed-forward gain [V s/rad]."""
 
     def transfer_function(self) -> TransferFunction:
-        """C(s) = kp + ki / s + kd s."""
-        return _parallel(self.proportional, self.integral, self.derivative)
+        """Feedback kp + ki / s + kd s, and kff from the reference alone."""
+        # Without integral gain the pole of the integrator would cancel.
+        rest, denominator = ((self.ki,), (1.0, 0.0)) if self.ki else ((), (1.0,))
+        reference = (self.kd, self.kp + self.kff, *rest)
+        return TransferFunction((self.kd, self.kp, *rest), denominator, reference)
 
 
-def _parallel(kp: float, ki: float, kd: float) -> TransferFunction:
-    # Without integral gain the pole of the integrator would cancel.
-    return TransferFunction((kd, kp, ki), (1.0, 0.0)) if ki else TransferFunction((kd, kp))
-
-
-_KINDS: Final[dict[str, type[P | PI | PIFF | PID]]] = {"P": P, "PI": PI, "PI+FF": PIFF, "PID": PID}
+KINDS: Final = {
+    "P": ("kp",),
+    "PI": ("kp", "ki"),
+    "PI+FF": ("kp", "ki", "kff"),
+    "PID": ("kp", "ki", "kd"),
+}
+"""Gains of each kind of controller that has a text, in its order."""
 
 
 def parse_controller(text: str) -> AbstractController:
@@ -190,17 +143,16 @@ def parse_controller(text: str) -> AbstractController:
     """
     kind, colon, rest = text.partition(":")
     kind = kind.strip().upper()
-    if not colon or kind not in _KINDS:
+    if not colon or kind not in KINDS:
         raise _refused(text, "is of unknown type")
     cells = [cell.strip() for cell in rest.split(",")]
-    count = len(fields(_KINDS[kind])) - 1
-    if len(cells) != count:
+    if len(cells) != len(KINDS[kind]):
         few = "1 gain" if len(cells) == 1 else f"{len(cells)} gains"
-        raise _refused(text, f"has {few}; {kind} requires {count}")
+        raise _refused(text, f"has {few}; {kind} requires {len(KINDS[kind])}")
     gains = [_gain(text, cell) for cell in cells]
     if not any(gains):
         raise _refused(text, "has only zero gains")
-    return _KINDS[kind](text.strip(), *gains)
+    return PID(text.strip(), **dict(zip(KINDS[kind], gains, strict=True)))
 
 
 def parse_controllers(controllers: Iterable[str | AbstractController]) -> list[AbstractController]:

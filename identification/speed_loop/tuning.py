@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
-from identification.speed_loop.controller import PI
+from identification.speed_loop.controller import PID
 from identification.speed_loop.loop import motor_draws, plant
 
 __all__ = ["suited_controller"]
@@ -35,7 +35,7 @@ _DELAY: Final = 1.5
 """Delay of a digital controller [sample intervals]."""
 
 
-def suited_controller(draws: Mapping[str, ArrayLike], interval: float) -> PI | None:
+def suited_controller(draws: Mapping[str, ArrayLike], interval: float) -> PID | None:
     """PI controller by the magnitude optimum at 25 degC, with gains of three digits.
 
     The rule uses the medians of the draws and the sample interval of the controller [s].  None if
@@ -57,4 +57,4 @@ def suited_controller(draws: Mapping[str, ArrayLike], interval: float) -> PI | N
     if not (np.isfinite(common) and common > 0.0 and second > 0.0 and third > 0.0):
         return None
     kp, ki = (f"{value / common:.3g}" for value in (third, second))
-    return PI(f"PI:{kp},{ki}", float(kp), float(ki))
+    return PID(f"PI:{kp},{ki}", float(kp), float(ki))

@@ -15,8 +15,8 @@ Each module imports only modules above it.
 
 from __future__ import annotations
 
+from identification.speed_loop.controller import KINDS
 from identification.tuning.motor import UncertainMotor, motor_of
-from identification.tuning.search import KINDS
 from identification.tuning.specification import METRICS, Specification, parse_specification
 from identification.tuning.tune import tune
 

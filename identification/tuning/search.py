@@ -25,23 +25,14 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.errors import OptionError
-from identification.speed_loop.controller import PI, PID, PIFF, AbstractController, P
+from identification.speed_loop.controller import KINDS, PID, AbstractController
 from identification.speed_loop.tuning import suited_controller
 from identification.tuning.drive import GAINS
 from identification.tuning.judge import Judge, slack_at
 from identification.tuning.specification import METRICS
 
-__all__ = ["KINDS", "controller_of", "gains_of", "searched"]
+__all__ = ["controller_of", "gains_of", "searched"]
 
-KINDS: Final = ("P", "PI", "PI+FF", "PID")
-"""Kinds of controllers that are tuned."""
-
-_FIELDS: Final = {
-    "P": ("kp",),
-    "PI": ("kp", "ki"),
-    "PI+FF": ("kp", "ki", "kff"),
-    "PID": ("kp", "ki", "kd"),
-}
 _CROSSOVERS: Final = 18
 _INTEGRAL: Final = (0.01, 0.04, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 _DERIVATIVE: Final = (0.1, 0.3, 0.6, 1.0)
@@ -60,11 +51,9 @@ def gains_of(controller: AbstractController) -> Array:
     Raises:
         OptionError: The controller is not one of `KINDS`.
     """
-    for kind, cls in (("P", P), ("PI", PI), ("PI+FF", PIFF), ("PID", PID)):
-        if type(controller) is cls:
-            values = [float(value) for key, value in vars(controller).items() if key != "text"]
-            named = dict(zip(_FIELDS[kind], values, strict=True))
-            return np.array([named.get(name, 0.0) for name in GAINS])
+    # A class of its own may have another transfer function.
+    if type(controller) is PID:
+        return np.array([getattr(controller, name) for name in GAINS])
     raise OptionError(
         f"controller {controller.text!r} cannot be simulated; expected {', '.join(KINDS)}"
     )
@@ -73,7 +62,7 @@ def gains_of(controller: AbstractController) -> Array:
 def controller_of(kind: str, gains: Array) -> str:
     """Text of a controller as the command line takes it."""
     named = dict(zip(GAINS, gains, strict=True))
-    return f"{kind}:{','.join(f'{named[name]:.4g}' for name in _FIELDS[kind])}"
+    return f"{kind}:{','.join(f'{named[name]:.4g}' for name in KINDS[kind])}"
 
 
 def searched(judge: Judge, kind: str, probability: float) -> Array:

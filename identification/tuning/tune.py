@@ -10,7 +10,7 @@ from scipy.stats import beta
 
 from identification.arrays import Array
 from identification.errors import OptionError
-from identification.speed_loop.controller import AbstractController, parse_controllers
+from identification.speed_loop.controller import KINDS, AbstractController, parse_controllers
 from identification.speed_loop.metrics import quantity
 from identification.speed_loop.spread import checked_temperatures
 from identification.tuning.blame import blamed
@@ -18,7 +18,7 @@ from identification.tuning.drive import GAINS, most_samples
 from identification.tuning.hunting import hunting
 from identification.tuning.judge import Judge, Judgement, slack_at
 from identification.tuning.motor import UncertainMotor
-from identification.tuning.search import KINDS, controller_of, gains_of, searched
+from identification.tuning.search import controller_of, gains_of, searched
 from identification.tuning.specification import METRICS, Specification
 from identification.tuning.statement import statement
 

@@ -11,17 +11,17 @@ from identification.speed_loop import (
     parse_controller,
     parse_controllers,
 )
-from identification.speed_loop.controller import PI, PID, P
+from identification.speed_loop.controller import PID
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("P:1", P("P:1", 1.0)),
-        ("PI:2,0.5", PI("PI:2,0.5", 2.0, 0.5)),
+        ("P:1", PID("P:1", 1.0)),
+        ("PI:2,0.5", PID("PI:2,0.5", 2.0, 0.5)),
         ("PID:2,0.5,1e-3", PID("PID:2,0.5,1e-3", 2.0, 0.5, 1e-3)),
         (" pid : 2 , 0 , 0 ", PID("pid : 2 , 0 , 0", 2.0, 0.0, 0.0)),
-        ("P:-1", P("P:-1", -1.0)),
+        ("P:-1", PID("P:-1", -1.0)),
     ],
 )
 def test_controller_is_read_with_its_gains(text: str, expected: AbstractController) -> None:
@@ -88,6 +88,6 @@ def test_transfer_function_that_no_loop_can_use_is_refused(
 
 def test_controller_object_passes_where_a_text_is_parsed() -> None:
     """A controller of one's own needs no specification text."""
-    own = PI("tuned", 2.0, 0.5)
+    own = PID("tuned", 2.0, 0.5)
 
-    assert parse_controllers([own, "P:1"]) == [own, P("P:1", 1.0)]
+    assert parse_controllers([own, "P:1"]) == [own, PID("P:1", 1.0)]

@@ -25,8 +25,8 @@ def test_the_gains_are_those_of_kessler_for_well_separated_time_constants() -> N
     controller = suited_controller(motor, interval=1e-9)
 
     assert controller is not None
-    assert controller.proportional == pytest.approx(slow * motor["Kt25"] / (2 * fast), rel=0.01)
-    assert controller.proportional / controller.integral == pytest.approx(slow, rel=0.01)
+    assert controller.kp == pytest.approx(slow * motor["Kt25"] / (2 * fast), rel=0.01)
+    assert controller.kp / controller.ki == pytest.approx(slow, rel=0.01)
 
 
 @given(
@@ -59,5 +59,5 @@ def test_a_motor_without_inductance_gets_finite_gains() -> None:
     controller = suited_controller(SERVO | {"L": 0.0}, interval=1e-3)
 
     assert controller is not None
-    assert np.isfinite([controller.proportional, controller.integral]).all()
-    assert controller.text == f"PI:{controller.proportional:.3g},{controller.integral:.3g}"
+    assert np.isfinite([controller.kp, controller.ki]).all()
+    assert controller.text == f"PI:{controller.kp:.3g},{controller.ki:.3g}"

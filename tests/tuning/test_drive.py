@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from identification.speed_loop.controller import PI, PID, TransferFunction, parse_controller
+from identification.speed_loop.controller import PID, TransferFunction, parse_controller
 from identification.speed_loop.loop import close, motor_draws
 from identification.speed_loop.step_response import StepResponse
 from identification.tuning.drive import Drive, Response
@@ -80,7 +80,7 @@ def test_short_sample_times_give_the_continuous_response(text: str) -> None:
     specification = parse_specification("overshoot=10,sample_time=2e-5")
     found = Drive(motor_of(SERVO), specification).responses(gains, 1.0, [60.0], 2500)[0]
     controller = parse_controller(text)
-    if isinstance(controller, PID):
+    if gains[2]:
         controller = SpeedDerivative(text, *gains[:3])
     exact = StepResponse(close(motor_draws(SERVO, [60.0]), [60.0], controller))
     assert found.speed[:, 0] == pytest.approx(exact.at(found.time)[0], abs=0.01)
@@ -92,9 +92,9 @@ class SpeedDerivative(PID):
     def transfer_function(self) -> TransferFunction:
         """The reference passes the proportional and the integral part alone."""
         return TransferFunction(
-            (self.derivative, self.proportional, self.integral),
+            (self.kd, self.kp, self.ki),
             (1.0, 0.0),
-            (0.0, self.proportional, self.integral),
+            (0.0, self.kp, self.ki),
         )
 
 
@@ -139,9 +139,9 @@ def test_delay_costs_phase_margin_and_overshoot() -> None:
         Judge(motor_of(SERVO), parse_specification(f"overshoot=10,sample_time=1e-4,{d}"), [25.0], 1)
         for d in ("delay=0", "delay=1e-3")
     ]
-    gains = gains_of(PI("", 0.2, 20.0))[:, None]
+    gains = gains_of(PID("", 0.2, 20.0))[:, None]
     soon, late = (judge.judged(gains, 2000).metrics for judge in judges)
-    loop = close(motor_draws(SERVO, [25.0]), [25.0], PI("", 0.2, 20.0))
+    loop = close(motor_draws(SERVO, [25.0]), [25.0], PID("", 0.2, 20.0))
     frequency = np.geomspace(1, 1e4, 200_001)
     s = 1j * frequency
     value = np.polyval(loop.numerator[0], s) / np.polyval(loop.open_denominator[0], s)
@@ -156,7 +156,7 @@ def test_gain_margin_is_the_factor_that_makes_the_loop_oscillate() -> None:
     motor: UncertainMotor = motor_of(SERVO)
     specification = parse_specification("overshoot=10,sample_time=2e-4,delay=2e-3")
     judge = Judge(motor, specification, [25.0], 1.0)
-    gains = gains_of(PI("", 0.1, 2.0))[:, None]
+    gains = gains_of(PID("", 0.1, 2.0))[:, None]
     margin = judge.margins(gains)["gain_margin"][0, 0, 0]
     scale = 10 ** (margin / 20)
     settles = [
