@@ -5,16 +5,12 @@ text = render_fleet("November refit", refits)
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from identification.fleet.causes import CAUSES
@@ -25,6 +21,7 @@ from identification.fleet.outliers import LEAST_MOTORS, THRESHOLD, Spread, sprea
 from identification.fleet.pooling import LEAST_POOLED, Pool, Quantiles, pools_of
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
+from identification.reporting.page import asset, page_environment, page_policy
 from identification.result.numbers import (
     Interval,
     interval_text,
@@ -36,6 +33,7 @@ from identification.result.numbers import (
 
 __all__ = ["content_security_policy", "explained_view", "render_fleet"]
 
+_PACKAGE = "identification.fleet"
 _MOST_LISTED = 60
 
 
@@ -58,7 +56,7 @@ def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
     outliers = _outliers(refits, spreads)
     pools = pools_of(refits)
     moved = _moved(refits, changes)
-    return _environment().get_template("fleet.html.j2").render(
+    return page_environment(_PACKAGE).get_template("fleet.html.j2").render(
         title=title,
         back=back,
         policy=content_security_policy(),
@@ -90,41 +88,12 @@ def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
 @cache
 def content_security_policy() -> str:
     """Content security policy of the page: its own style sheets, and images only as data URLs."""
-    hashes = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()}'"
-        for style in _styles()
-    )
-    return (
-        f"default-src 'none'; style-src {hashes}; img-src data:; base-uri 'none'; "
-        "form-action 'none'"
-    )
+    return page_policy(_styles())
 
 
-@cache
 def _styles() -> tuple[Markup, ...]:
     """Style sheets of the report and of the fleet page."""
-    files = (
-        resources.files("identification.reporting") / "templates" / "report.css",
-        resources.files("identification.fleet") / "templates" / "fleet.css",
-    )
-    return tuple(Markup(file.read_text("utf-8")) for file in files)
-
-
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("identification.fleet"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
-        "number": number_text,
-        "percent": percent_text,
-        "signed": lambda value: f"{value:+.1f}".replace("-", "−"),
-    }
-    return environment
+    return asset("identification.reporting", "report.css"), asset(_PACKAGE, "fleet.css")
 
 
 def _counts(refits: Sequence[Refit]) -> dict[str, int]:

@@ -152,18 +152,7 @@ def _size(columns: Mapping[str, Column]) -> int:
 
 
 def _channels(run: RunTraces) -> dict[str, Array]:
-    found = {
-        "time": run.time,
-        "voltage": run.voltage,
-        "temperature": run.temperature,
-        "measured_current": run.measured_current,
-        "measured_speed": run.measured_speed,
-        "after_current": run.after_current,
-        "after_speed": run.after_speed,
-        "before_current": run.before_current,
-        "before_speed": run.before_speed,
-    }
-    return {name: values for name, values in found.items() if values is not None}
+    return {name: one for name, one in vars(run).items() if isinstance(one, np.ndarray)}
 
 
 def _table(run: RunTraces, noise: Mapping[str, float | None], kept: Indices) -> _Table:

@@ -3,29 +3,22 @@
     text = render_report(data)
     write_text(directory / "report.html", text)
 
-The template engine escapes all external text, the data for the script are in a block that is never
-executed, and the content security policy admits only the page's own two scripts, by their hashes.
-`content_security_policy` returns the same policy for an HTTP header.
+The data for the script are in a block that is never executed.  `content_security_policy` returns
+the policy of the page for an HTTP header.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from importlib import resources
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 from markupsafe import Markup
 
+from identification.reporting.figures import curves
 from identification.reporting.figures.chart import script_json
 from identification.reporting.figures.corner import MOST_PARAMETERS, corner_figure
-from identification.reporting.figures.correlation import correlation_figure
-from identification.reporting.figures.curves import coefficient_figure, step_figure
-from identification.reporting.figures.missing import missing_over_time, missing_term_figure
-from identification.reporting.figures.trace import trace_figure
 from identification.reporting.headline import (
     effect_tiles,
     error_bars,
@@ -34,6 +27,7 @@ from identification.reporting.headline import (
     key_figures,
 )
 from identification.reporting.loops import loop_comparisons
+from identification.reporting.page import asset, page_environment, page_policy
 from identification.reporting.summary import further_sentences
 from identification.reporting.tables import (
     error_rows,
@@ -46,15 +40,6 @@ from identification.reporting.traces import run_payloads
 from identification.reporting.warnings import warning_groups
 from identification.result.attempts import Attempts, figure
 from identification.result.entries import finite_or_null
-from identification.result.numbers import (
-    UNKNOWN,
-    count_text,
-    number_text,
-    percent_text,
-    probability_text,
-    signed_percent_text,
-    unit_text,
-)
 from identification.result.report_data import ReportData, RunTraces
 from identification.result.residuals import ResidualCheck, coloured_channels, residual_checks
 
@@ -81,8 +66,8 @@ def render_report(data: ReportData) -> str:
             data=data,
             result=result,
             policy=content_security_policy(),
-            scripts=[_asset(name) for name in _SCRIPTS],
-            styles=[_asset(name) for name in _STYLES],
+            scripts=_assets(_SCRIPTS),
+            styles=_assets(_STYLES),
             facts=rows("facts", facts, data),
             sentences=rows("summary", headline_sentences, result, coloured),
             further=rows("summary of the data", further_sentences, result),
@@ -114,59 +99,24 @@ def render_report(data: ReportData) -> str:
 @cache
 def content_security_policy() -> str:
     """Content security policy of a report: only its own scripts and styles, images as data URLs."""
-    scripts = " ".join(_hash(_asset(name)) for name in _SCRIPTS)
-    styles = " ".join(_hash(_asset(name)) for name in _STYLES)
-    return (
-        f"default-src 'none'; script-src {scripts}; style-src {styles}; img-src data:; "
-        "base-uri 'none'; form-action 'none'"
-    )
+    return page_policy(_assets(_STYLES), _assets(_SCRIPTS))
 
 
 @cache
 def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("identification.reporting"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
-        "number": number_text,
-        "percent": percent_text,
-        "plain": lambda value: UNKNOWN if value is None else f"{value:.6g}",
-        "probability": probability_text,
-        "change": signed_percent_text,
-        "count": count_text,
-        "unit": unit_text,
-        "capital": lambda text: text[:1].upper() + text[1:],
-        "words": lambda name: str(name).replace("_", " "),
-    }
+    environment = page_environment("identification.reporting")
     # Figures are drawn in the template; one that fails leaves a line of text in its place.
     environment.globals |= {
         "drawn": figure,
-        "coefficient_figure": coefficient_figure,
         "corner_figure": corner_figure,
-        "correlation_figure": correlation_figure,
-        "missing_over_time": missing_over_time,
-        "missing_term_figure": missing_term_figure,
-        "step_figure": step_figure,
-        "trace_figure": trace_figure,
+        **{name: getattr(curves, name) for name in curves.__all__},
         "most_parameters": MOST_PARAMETERS,
     }
     return environment
 
 
-@cache
-def _asset(name: str) -> Markup:
-    """Content of a file in the template folder, inserted unchanged into the page."""
-    folder = resources.files("identification.reporting") / "templates"
-    return Markup(folder.joinpath(name).read_text("utf-8"))
-
-
-def _hash(content: str) -> str:
-    digest = hashlib.sha256(content.encode("utf-8")).digest()
-    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+def _assets(names: Sequence[str]) -> list[Markup]:
+    return [asset("identification.reporting", name) for name in names]
 
 
 def _payloads(data: ReportData, room: int) -> list[str]:

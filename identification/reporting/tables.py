@@ -32,7 +32,6 @@ __all__ = [
     "FeedbackTable",
     "ParameterRow",
     "RunLine",
-    "SamplerRow",
     "error_rows",
     "feedback_tables",
     "parameter_rows",
@@ -107,16 +106,6 @@ class FeedbackTable:
     statements: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class SamplerRow:
-    """One diagnostic of the sampler; the verdict is empty if no warning depends on it."""
-
-    label: str
-    value: str
-    criterion: str
-    verdict: str
-
-
 def parameter_rows(data: ReportData) -> list[ParameterRow]:
     """Parameters of the motor, then those of each effect."""
     result = data.result
@@ -180,40 +169,34 @@ def feedback_tables(feedback: Sequence[Entry]) -> list[FeedbackTable]:
     return tables
 
 
-def sampler_rows(data: ReportData) -> list[SamplerRow]:
-    """Diagnostics of the sampler, judged by the limits of its warning; empty without a sampler."""
+def sampler_rows(data: ReportData) -> list[tuple[str, str, str, str]]:
+    """Label, value, criterion and verdict of each diagnostic of the sampler; empty without one.
+
+    Criterion and verdict are empty if no warning depends on the diagnostic.
+    """
     sampler, chain = data.result["sampler"], data.posterior
-    if not sampler:
+    if not sampler or chain is None:
         return []
-    length = sampler["steps"] / sampler["autocorrelation_time"]
-    limits = (None, None) if chain is None else (chain.least_length, chain.largest_r_hat)
-    least, largest = limits
+    size = f"{count_text(sampler['walkers'])} × {count_text(sampler['steps'])}"
+    length, r_hat = sampler["steps"] / sampler["autocorrelation_time"], sampler["r_hat_max"]
+    long, mixed = length >= chain.least_length, r_hat <= chain.largest_r_hat
     return [
-        SamplerRow(
-            "Walkers × steps after burn-in",
-            f"{count_text(sampler['walkers'])} × {count_text(sampler['steps'])}",
-            "",
-            "",
-        ),
-        SamplerRow(
+        ("Walkers × steps after burn-in", size, "", ""),
+        (
             "Length of the chain",
             f"{number_text(length, 3)} autocorrelation times",
-            "" if least is None else f"at least {least:g}",
-            "" if least is None else _met(length >= least),
+            f"at least {chain.least_length:g}",
+            "yes" if long else "no",
         ),
-        SamplerRow(
+        (
             "R-hat, largest",
-            number_text(sampler["r_hat_max"], 4),
-            "" if largest is None else f"at most {largest:g}",
-            "" if largest is None else _met(sampler["r_hat_max"] <= largest),
+            number_text(r_hat, 4),
+            f"at most {chain.largest_r_hat:g}",
+            "yes" if mixed else "no",
         ),
-        SamplerRow("Effective sample size, smallest", number_text(sampler["ess_min"], 3), "", ""),
-        SamplerRow("Acceptance", percent_text(sampler["acceptance"], 2), "", ""),
+        ("Effective sample size, smallest", number_text(sampler["ess_min"], 3), "", ""),
+        ("Acceptance", percent_text(sampler["acceptance"], 2), "", ""),
     ]
-
-
-def _met(is_met: bool) -> str:
-    return "yes" if is_met else "no"
 
 
 def _parameter_row(

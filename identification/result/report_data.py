@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from identification.arrays import Array
+from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
+from identification.speed_loop.curves import StepCurve
 
 __all__ = [
     "CandidateRow",
@@ -65,10 +67,10 @@ class PosteriorChain:
     """(n_param,) their units."""
     chain: Array
     """(n_step, n_walker, n_param), each in its unit."""
-    least_length: float | None = None
-    """Length required of a converged chain [autocorrelation times]; None if unknown."""
-    largest_r_hat: float | None = None
-    """Largest split R-hat of a converged chain; None if unknown."""
+    least_length: float = REQUIRED_LENGTH
+    """Length required of a converged chain [autocorrelation times]."""
+    largest_r_hat: float = LARGEST_R_HAT
+    """Largest split R-hat of a converged chain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,23 +94,11 @@ class CoefficientCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class StepResponse:
-    """Speed of the closed loop after a unit step of the reference, with its 90 % band."""
+class StepResponse(StepCurve):
+    """Step response of the linear loop, and of the loop with the effects of the motor."""
 
-    temperature_degC: float
-    """Temperature of winding and magnet [degC]."""
-    controller: str
-    """Controller as the user gave it, such as ``PI:2,10``."""
-    time: Array
-    """(n_point,) increasing from zero [s]."""
-    median: Array
-    """(n_point,) speed over reference [-]."""
-    q05: Array
-    """(n_point,) lower end of the band [-]."""
-    q95: Array
-    """(n_point,) upper end of the band [-]."""
     simulated: Array | None = None
-    """(n_point,) median with the effects in the loop [-]; None if no effect acts there."""
+    """(n_time,) median with the effects in the loop [rad/s]; None if no effect acts there."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,12 +28,12 @@ _LARGEST_DRAWN: Final = 1e9
 class StepCurve:
     """Speed after a reference step of 1 rad/s: pointwise median and 90 % band over the draws."""
 
-    controller: str
-    """The controller as the user wrote it."""
     temperature_degC: float  # noqa: N815
     """Temperature of winding and magnet [degC]."""
+    controller: str
+    """Controller as the user gave it, such as ``PI:2,10``."""
     time: Array
-    """(n_time,), from 0 [s]."""
+    """(n_time,) increasing from zero [s]."""
     median: Array
     """(n_time,) [rad/s]."""
     q05: Array
@@ -80,7 +80,7 @@ def step_curves(
             # A few unstable draws may overflow within the time that the others need.
             drawn = np.clip(np.nan_to_num(speed), -_LARGEST_DRAWN, _LARGEST_DRAWN)
             q05, median, q95 = np.quantile(drawn, (0.05, 0.5, 0.95), axis=0)
-            curves.append(StepCurve(controller.text, temperature, time, median, q05, q95))
+            curves.append(StepCurve(temperature, controller.text, time, median, q05, q95))
     return curves
 
 

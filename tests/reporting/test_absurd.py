@@ -20,10 +20,14 @@ from numpy.typing import NDArray
 from identification.diagnosis.residual import Correlation
 from identification.reporting import files
 from identification.reporting.figures.corner import corner_figure
-from identification.reporting.figures.correlation import correlation_figure
-from identification.reporting.figures.curves import coefficient_figure, step_figure
-from identification.reporting.figures.missing import missing_over_time, missing_term_figure
-from identification.reporting.figures.trace import trace_figure
+from identification.reporting.figures.curves import (
+    coefficient_figure,
+    correlation_figure,
+    missing_over_time,
+    missing_term_figure,
+    step_figure,
+    trace_figure,
+)
 from identification.reporting.html import render_report
 from identification.result.attempts import figure
 from identification.result.entries import result_text
