@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         Identified,
         MissingPackage,
         StoredResult,
+        feedback,
         inference_data,
         read_result,
     )
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from identification.prediction import predict
     from identification.preview import Preview, check
     from identification.reporting.files import report
-    from identification.speed_loop.table import feedback
 
 __all__ = [
     "ComputationError",
@@ -75,7 +75,7 @@ _HOMES = {
     "Run": "ingest",
     "StoredResult": "identified",
     "check": "preview",
-    "feedback": "speed_loop.table",
+    "feedback": "identified",
     "identify": "pipeline",
     "inference_data": "identified",
     "predict": "prediction",

@@ -11,7 +11,7 @@ import errno
 import json
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from html import escape
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from identification.arrays import Array
 from identification.errors import IdentificationError, InputError, UnreadableFile
@@ -27,9 +28,17 @@ from identification.ingest.formats.hdf5 import check_heaps
 from identification.reporting.summary import summary_sentences
 from identification.result.draws import chain_draws, check_same_fit, normal_draws
 from identification.result.numbers import interval_text, unit_text
-from identification.result.tables import TableName, as_written, result_table
+from identification.result.tables import TableName, as_written, feedback_table, result_table
+from identification.speed_loop import AbstractController, feedback_metrics
 
-__all__ = ["Identified", "MissingPackage", "StoredResult", "inference_data", "read_result"]
+__all__ = [
+    "Identified",
+    "MissingPackage",
+    "StoredResult",
+    "feedback",
+    "inference_data",
+    "read_result",
+]
 
 _MOST_DRAWS: Final = 2000
 
@@ -84,7 +93,6 @@ class StoredResult(Identified):
     """Result of an earlier identification."""
 
     result: dict[str, Any]
-    """Content of result.json."""
     path: Path
     """The file that it was read from."""
 
@@ -177,6 +185,41 @@ def read_result(path: str | os.PathLike[str]) -> StoredResult:
     return StoredResult(content, file)
 
 
+def feedback(
+    motor: Identified | Mapping[str, ArrayLike],
+    temperatures: float | Sequence[float] = (25.0, 125.0),
+    controllers: str | AbstractController | Sequence[str | AbstractController] = "P:1",
+) -> pd.DataFrame:
+    """Step response metrics and stability margins of the closed speed loop.
+
+    Args:
+        motor: An identification, a stored result, or the seven parameters of the nominal model by
+            name, each a number or (n_draw,) draws.
+        temperatures: Temperatures of winding and magnet [degC].
+        controllers: ``P:1``, ``PI:kp,ki``, ``PID:kp,ki,kd``, or controllers of one's own.
+
+    Returns:
+        A row for each controller, temperature and metric: median, 90 % interval, mean, standard
+        deviation and unit.
+
+    Raises:
+        InputError: `motor` is neither an identified motor nor its parameters.
+        OptionError: A parameter, temperature or controller is not accepted.
+
+    Examples:
+        >>> motor = {"Ra25": 0.59, "alpha_Ra": 0.004, "Kt25": 0.071, "alpha_Kt": -0.002,
+        ...          "J": 0.01, "b": 0.1, "L": 0.5}
+        >>> table = feedback(motor, temperatures=[25, 125], controllers="P:1")
+        >>> table.query("metric == 'steady_state'")["median"].round(3).tolist()
+        [0.526, 0.386]
+    """
+    if isinstance(controllers, str | AbstractController):
+        controllers = [controllers]
+    if isinstance(temperatures, int | float):
+        temperatures = [temperatures]
+    return feedback_table(feedback_metrics(_draws(motor), temperatures, controllers))
+
+
 def inference_data(source: Identified | str | os.PathLike[str]) -> Any:
     """Posterior as the object of ArviZ, each walker a chain.
 
@@ -211,6 +254,22 @@ def inference_data(source: Identified | str | os.PathLike[str]) -> Any:
     if hasattr(arviz, "InferenceData"):
         return arviz.InferenceData(**groups)
     return xarray.DataTree.from_dict(groups)
+
+
+def _draws(motor: Identified | Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
+    if isinstance(motor, Mapping):
+        if "schema_version" in motor:
+            raise InputError(
+                "motor is the content of a result.json, which has no draws; expected what identify "
+                "or read_result returns, or the parameters by name"
+            )
+        return motor
+    if not isinstance(motor, Identified):
+        raise InputError(
+            f"motor is a {type(motor).__name__}; expected what identify or read_result returns, or "
+            "the parameters by name"
+        )
+    return motor.draws()
 
 
 def _posterior(source: Identified | str | os.PathLike[str]) -> AbstractContextManager[Path]:

@@ -56,7 +56,6 @@ class Prior:
     """Prior of one parameter of the nominal model: normal, log-normal for a positive parameter."""
 
     name: str
-    """Name of the parameter."""
     value: float
     """Its value; the median of a positive parameter [unit of the parameter]."""
     sd: float

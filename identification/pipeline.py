@@ -70,7 +70,6 @@ class Identification(Identified):
     """Result of the identification of a campaign."""
 
     result: dict[str, Any]
-    """Content of result.json."""
     findings: Findings
     """All quantities that the report shows."""
 

@@ -41,7 +41,6 @@ class DesignModel:
     label: str
     """Effect type in which it differs; empty for the final model."""
     model: MotorModel
-    """Equations."""
     names: tuple[str, ...]
     """(n_parameter,) names."""
     units: tuple[str, ...]

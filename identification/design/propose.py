@@ -52,7 +52,6 @@ class Candidate:
     """A scored run."""
 
     profile: Profile
-    """Normalised profile."""
     voltage: Array
     """(n_sample,) [V]."""
     temperature: float
@@ -60,7 +59,6 @@ class Candidate:
     load: float
     """Load torque between the pauses of the profile [N m]."""
     responses: tuple[Response, ...]
-    """Readings of each model."""
     score: float
     """Separation plus narrowing [bit]."""
 
@@ -72,7 +70,6 @@ class Proposal:
     task: Task
     """What it was designed for."""
     best: Candidate
-    """The run."""
     peaks: dict[str, float]
     """Largest current [A], speed [rad/s] and distance of the shaft [rad] in any draw."""
     separation: Separation | None
@@ -90,7 +87,6 @@ class Designer:
     """Scores of candidate runs for one task."""
 
     task: Task
-    """The task."""
 
     @cached_property
     def predictors(self) -> tuple[Predictor, ...]:

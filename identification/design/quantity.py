@@ -31,7 +31,6 @@ class Quantity:
     name: str
     """As the user wrote it."""
     unit: str
-    """Its unit."""
     value: float
     """Its value at the estimate."""
     gradient: Array

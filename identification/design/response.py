@@ -92,7 +92,6 @@ class Predictor:
     model: DesignModel
     """The model, without the load."""
     conditions: Conditions
-    """Conditions of the runs."""
     simulator: Simulator
     """Simulator over a reference run, whose step plan and substeps are used."""
 

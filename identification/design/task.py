@@ -75,9 +75,7 @@ class Task:
     quantity: Quantity | None
     """Quantity to narrow; None for all parameters."""
     limits: Limits
-    """Limits of the run."""
     rows: int
-    """Number of samples."""
     interval: float
     """Sample interval [s]."""
     temperatures: tuple[float, ...]

@@ -30,7 +30,6 @@ class Cause:
     """Cause of a change."""
 
     name: str
-    """Name in tables."""
     meaning: str
     """What has happened, for people."""
     check: str

@@ -33,20 +33,15 @@ _NORMAL_90 = 1.645
 
 @dataclass(frozen=True)
 class Mark:
-    """Plotted values of one motor for one parameter."""
+    """Plotted values of one motor for one parameter: median and 90 % interval, and its change."""
 
     motor: str
-    """Name of the motor."""
     median: float
-    """Posterior median."""
     q05: float
-    """Lower end of the 90 % interval."""
     q95: float
-    """Upper end of the 90 % interval."""
     score: float | None
     """Deviation from the fleet median in robust standard deviations [-]."""
     is_outlier: bool
-    """Whether the motor is an outlier."""
     drift: Drift | None
     """Change since the last refit, or None."""
     change_sd: float

@@ -42,11 +42,9 @@ class Pool:
     """Distribution of one quantity over the motors of one type."""
 
     type: str
-    """Type of the motors."""
     name: str
     """Parameter, or effect and parameter such as ``brush_drop.voltage``."""
     unit: str
-    """Unit of the quantity."""
     is_relative: bool
     """Whether the spread is that of the logarithm [-], not in the unit."""
     count: int

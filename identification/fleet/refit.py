@@ -22,16 +22,12 @@ _OF_SINGLE_RUNS = frozenset({"load_step", "inertia_change", "unlisted"})
 
 @dataclass(frozen=True)
 class Estimate:
-    """Posterior summary of one parameter of one motor, in its unit."""
+    """Posterior summary of one parameter of one motor, with its 90 % interval, in its unit."""
 
     median: float | None
-    """Median of the posterior."""
     sd: float | None
-    """Standard deviation."""
     q05: float | None
-    """Lower end of the 90 % interval."""
     q95: float | None
-    """Upper end of the 90 % interval."""
     is_identified: bool
     """Whether the data identify it; a known value alone does not count."""
 
@@ -61,9 +57,7 @@ class Size:
     """Size of an effect: the first parameter of its entry in the result."""
 
     estimate: Estimate
-    """Its estimate."""
     unit: str
-    """Its unit."""
     meaning: str
     """Its definition with the variant of the effect.  Two sizes are comparable only if their
     definitions are equal: the size of a drag refers to a speed, for example."""
@@ -74,9 +68,7 @@ class Refit:
     """Result of one motor of a batch."""
 
     motor: str
-    """Name of the motor."""
     status: str
-    """Status of its fit."""
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     """Estimates of the nominal-model parameters in the final model, by name; empty without a
     result."""
@@ -96,7 +88,6 @@ class Refit:
     warnings: tuple[str, ...] = ()
     """Warnings of the result, in its order."""
     previous: Refit | None = None
-    """Previous refit of the same motor."""
     link: str = ""
     """Address of its report relative to the page; empty if there is none."""
     type: str = ""

@@ -24,14 +24,14 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from identification.errors import InputError
 from identification.fleet.drift import Drift, drifts
 from identification.fleet.explanation import Explanation, explanations
-from identification.fleet.pooling import POOLED_PARAMETERS, Pool, pools_of
-from identification.fleet.refit import Estimate, Refit
+from identification.fleet.pooling import POOLED_PARAMETERS, Pool, Quantiles, pools_of
+from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
 
 __all__ = [
@@ -53,58 +53,99 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
 # Spreadsheets in Japanese or Chinese locales also accept the full-width forms of = + - @.
 _FORMULA = re.compile(r"(^|[;,])(?=\s*[=+\-@\uff1d\uff0b\uff0d\uff20])")
 
-# Column suffix: cell type, and whether the column has the unit of the parameter.
-_OF_PARAMETER: dict[str, tuple[type, bool]] = {
-    "": (float, True),
-    "_sd": (float, True),
-    "_q05": (float, True),
-    "_q95": (float, True),
-    "_identified": (bool, False),
-    "_drift": (float, True),
-    "_drift_relative": (float, False),
-    "_drift_sds": (float, False),
-    "_drift_probability": (float, False),
-    "_drift_significant": (bool, False),
-}
 _QUANTILES = ("q05", "median", "q95")
-_RATIOS = {
-    f"{role}_noise_ratio_{channel}": (role, channel)
-    for role in ("training", "validation")
-    for channel in ("current", "speed")
-}
 
-COLUMNS: dict[str, tuple[type, str]] = {
-    "motor": (str, ""),
-    "type": (str, ""),
-    "status": (str, ""),
-    **{
-        f"{parameter.name}{ending}": (kind, parameter.unit if has_unit else "")
-        for parameter in DECLARED_PARAMETERS.values()
-        for ending, (kind, has_unit) in _OF_PARAMETER.items()
-    },
-    **{
-        f"{name}_pooled{ending}": (float, DECLARED_PARAMETERS[name].unit)
-        for name in POOLED_PARAMETERS
-        for ending in ("", "_q05", "_q95")
-    },
-    "drift_probability": (float, ""),
-    "drift_significant": (bool, ""),
-    "drift_cause": (str, ""),
-    "drift_cause_probability": (float, ""),
-    "drift_causes": (str, ""),
-    "drift_compared": (str, ""),
-    "effects": (str, ""),
-    **dict.fromkeys(_RATIOS, (float, "")),
-    "fit": (str, ""),
-    "ended_at": (str, ""),
-    "previous_fit": (str, ""),
-    "previous_ended_at": (str, ""),
-    "previous_effects": (str, ""),
-    "previous_shared_runs": (int, ""),
-    "error": (str, ""),
-    "warnings": (int, ""),
-    "first_warning": (str, ""),
+
+class _Motor(NamedTuple):
+    """Content of a row: a motor, its changes since the last refit, and pooled quantiles."""
+
+    refit: Refit
+    before: Refit | None
+    changes: Mapping[str, Drift]
+    change: Explanation
+    pooled: dict[str, Quantiles]
+
+
+_Cell = Callable[[_Motor], Any]
+
+
+def _estimated(name: str, member: str) -> _Cell:
+    return lambda motor: getattr(motor.refit.estimates.get(name), member, None)
+
+
+def _drifted(name: str, member: str) -> _Cell:
+    return lambda motor: getattr(motor.changes.get(name), member, None)
+
+
+def _pooled(name: str, level: int) -> _Cell:
+    return lambda motor: motor.pooled[name][level] if name in motor.pooled else None
+
+
+def _ratio(role: str, channel: str) -> _Cell:
+    return lambda motor: motor.refit.noise_ratios.get((role, channel))
+
+
+def _words(likely: Mapping[str, float]) -> str:
+    return " ".join(f"{name}:{probability:.2f}" for name, probability in likely.items())
+
+
+# Column suffix: cell type, whether the column has the unit of the parameter, and its cell.
+_OF_PARAMETER: dict[str, tuple[type, bool, Callable[[str, str], _Cell], str]] = {
+    "": (float, True, _estimated, "median"),
+    "_sd": (float, True, _estimated, "sd"),
+    "_q05": (float, True, _estimated, "q05"),
+    "_q95": (float, True, _estimated, "q95"),
+    "_identified": (bool, False, _estimated, "is_identified"),
+    "_drift": (float, True, _drifted, "absolute"),
+    "_drift_relative": (float, False, _drifted, "relative"),
+    "_drift_sds": (float, False, _drifted, "sds"),
+    "_drift_probability": (float, False, _drifted, "probability"),
+    "_drift_significant": (bool, False, _drifted, "is_significant"),
 }
+_TABLE: dict[str, tuple[type, str, _Cell]] = {
+    "motor": (str, "", lambda motor: motor.refit.motor),
+    "type": (str, "", lambda motor: motor.refit.type or None),
+    "status": (str, "", lambda motor: motor.refit.status),
+    **{
+        f"{one.name}{ending}": (kind, one.unit if has_unit else "", cell(one.name, member))
+        for one in DECLARED_PARAMETERS.values()
+        for ending, (kind, has_unit, cell, member) in _OF_PARAMETER.items()
+    },
+    **{
+        f"{name}_pooled{ending}": (float, DECLARED_PARAMETERS[name].unit, _pooled(name, level))
+        for name in POOLED_PARAMETERS
+        for level, ending in ((1, ""), (0, "_q05"), (2, "_q95"))
+    },
+    "drift_probability": (float, "", lambda motor: motor.change.probability),
+    "drift_significant": (bool, "", lambda motor: motor.change.is_significant),
+    "drift_cause": (str, "", lambda motor: motor.change.cause or None),
+    "drift_cause_probability": (
+        float, "", lambda motor: motor.change.likely.get(motor.change.cause)
+    ),
+    "drift_causes": (str, "", lambda motor: _words(motor.change.likely) or None),
+    "drift_compared": (str, "", lambda motor: " ".join(motor.change.compared) or None),
+    "effects": (str, "", lambda motor: " ".join(motor.refit.effects)),
+    **{
+        f"{role}_noise_ratio_{channel}": (float, "", _ratio(role, channel))
+        for role in ("training", "validation")
+        for channel in ("current", "speed")
+    },
+    "fit": (str, "", lambda motor: motor.refit.fit or None),
+    "ended_at": (str, "", lambda motor: motor.refit.ended_at),
+    "previous_fit": (str, "", lambda motor: motor.before and motor.before.fit),
+    "previous_ended_at": (str, "", lambda motor: motor.before and motor.before.ended_at),
+    "previous_effects": (str, "", lambda motor: motor.before and " ".join(motor.before.effects)),
+    "previous_shared_runs": (
+        int, "",
+        lambda motor: motor.before and len({*motor.refit.training} & {*motor.before.training}),
+    ),
+    "error": (str, "", lambda motor: motor.refit.error or None),
+    "warnings": (
+        int, "", lambda motor: len(motor.refit.warnings) if motor.refit.estimates else None
+    ),
+    "first_warning": (str, "", lambda motor: next(iter(motor.refit.warnings), None)),
+}  # fmt: skip
+COLUMNS = {name: (kind, unit) for name, (kind, unit, _) in _TABLE.items()}
 """Columns in order, each with its cell type and unit."""
 
 POOLED_COLUMNS = (
@@ -131,18 +172,17 @@ def rows_of(refits: Sequence[Refit]) -> list[Row]:
 
     The refits are all motors of the table, because p-values are adjusted over all of them.
     """
-    rows = [
-        _row(refit, changes, explanation)
-        for refit, changes, explanation in zip(
-            refits, drifts(refits), explanations(refits), strict=True
+    pooled: list[dict[str, Quantiles]] = [{} for _ in refits]
+    for pool in pools_of(refits):
+        for number, quantiles in pool.motors.items():
+            pooled[number][pool.name] = quantiles
+    motors = [
+        _Motor(refit, refit.previous, changes, change or Explanation((), None), shared)
+        for refit, changes, change, shared in zip(
+            refits, drifts(refits), explanations(refits), pooled, strict=True
         )
     ]
-    for pool in pools_of(refits):
-        if pool.name in POOLED_PARAMETERS:
-            for number, (low, median, high) in pool.motors.items():
-                found = {"": median, "_q05": low, "_q95": high}
-                rows[number] |= {f"{pool.name}_pooled{end}": v for end, v in found.items()}
-    return rows
+    return [{name: cell(one) for name, (_, _, cell) in _TABLE.items()} for one in motors]
 
 
 def pooled_rows(refits: Sequence[Refit]) -> list[Row]:
@@ -188,58 +228,6 @@ def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
     content = io.BytesIO()
     parquet.write_table(table, content)
     return content.getvalue()
-
-
-def _row(refit: Refit, changes: Mapping[str, Drift], explanation: Explanation | None) -> Row:
-    before = refit.previous
-    row: Row = {"motor": refit.motor, "type": refit.type or None, "status": refit.status}
-    for name in DECLARED_PARAMETERS:
-        row |= _parameter(name, refit.estimates.get(name), changes.get(name))
-    pooled = [f"{name}_pooled{end}" for name in POOLED_PARAMETERS for end in ("", "_q05", "_q95")]
-    row |= dict.fromkeys(pooled)
-    row |= _explained(explanation)
-    return row | {
-        "effects": " ".join(refit.effects),
-        **{column: refit.noise_ratios.get(key) for column, key in _RATIOS.items()},
-        "fit": refit.fit or None,
-        "ended_at": refit.ended_at,
-        "previous_fit": before.fit if before else None,
-        "previous_ended_at": before.ended_at if before else None,
-        "previous_effects": " ".join(before.effects) if before else None,
-        "previous_shared_runs": len({*refit.training} & {*before.training}) if before else None,
-        "error": refit.error or None,
-        "warnings": len(refit.warnings) if refit.estimates else None,
-        "first_warning": refit.warnings[0] if refit.warnings else None,
-    }
-
-
-def _parameter(name: str, estimate: Estimate | None, drift: Drift | None) -> Row:
-    return {
-        name: estimate and estimate.median,
-        f"{name}_sd": estimate and estimate.sd,
-        f"{name}_q05": estimate and estimate.q05,
-        f"{name}_q95": estimate and estimate.q95,
-        f"{name}_identified": estimate and estimate.is_identified,
-        f"{name}_drift": drift and drift.absolute,
-        f"{name}_drift_relative": drift and drift.relative,
-        f"{name}_drift_sds": drift and drift.sds,
-        f"{name}_drift_probability": drift and drift.probability,
-        f"{name}_drift_significant": drift and drift.is_significant,
-    }
-
-
-def _explained(explanation: Explanation | None) -> Row:
-    if explanation is None:
-        explanation = Explanation((), None)
-    likely = explanation.likely
-    return {
-        "drift_probability": explanation.probability,
-        "drift_significant": explanation.is_significant,
-        "drift_cause": explanation.cause or None,
-        "drift_cause_probability": explanation.causes.get(explanation.cause) if likely else None,
-        "drift_causes": " ".join(f"{name}:{p:.2f}" for name, p in likely.items()) or None,
-        "drift_compared": " ".join(explanation.compared) or None,
-    }
 
 
 def _pooled_row(pool: Pool, number: int, motor: str) -> Row:

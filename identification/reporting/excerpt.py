@@ -36,7 +36,6 @@ class ReportFigure:
     svg: Markup
     """SVG element; its classes are those of the style sheet of the page."""
     caption: str
-    """Caption as text."""
     is_wide: bool
     """Whether the figure has the width of the page."""
 

@@ -63,11 +63,9 @@ class EffectTile:
     """One effect of the final model with its evidence."""
 
     name: str
-    """Name of the effect in words."""
     place: str
     """Equation and drivers."""
     probability: str
-    """Posterior model probability as text."""
     amount: str
     """First parameter of the effect with its interval."""
     evidence: tuple[tuple[str, str], ...]
@@ -87,7 +85,6 @@ class ErrorBar:
     channel: str
     """``current`` or ``speed``."""
     role: str
-    """Role of the runs."""
     before: str
     """Noise ratio of the nominal model as text; empty if it is the final model."""
     after: str

@@ -48,9 +48,7 @@ class Findings:
     """Findings of the identification stages."""
 
     campaign: Campaign
-    """Runs and records."""
     options: FitOptions
-    """Options of the user."""
     declared: Fit
     """Fit of the nominal model (before)."""
     declared_draws: dict[str, Array]

@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
-from identification.speed_loop.curves import StepCurve
+from identification.speed_loop import StepCurve
 
 __all__ = [
     "CandidateRow",
@@ -36,7 +36,6 @@ class RunTraces:
     name: str
     """File name as the user gave it."""
     role: Literal["training", "validation"]
-    """``training`` or ``validation``."""
     time: Array
     """(n_sample,) increasing [s]."""
     voltage: Array
@@ -80,7 +79,6 @@ class CoefficientCurve:
     name: str
     """``Ra`` or ``Kt``."""
     unit: str
-    """Unit of the curves."""
     temperature: Array
     """(n_point,) increasing [degC]."""
     median: Array
@@ -110,11 +108,9 @@ class MissingTerm:
     quantity: str
     """Label, such as ``missing torque``."""
     unit: str
-    """Unit of the quantity."""
     driver: str
     """Label, such as ``speed``."""
     driver_unit: str
-    """Unit of the driver."""
     driver_values: Array
     """(n_sample,) driver values of the estimates."""
     estimate: Array
@@ -136,11 +132,9 @@ class MissingTrace:
     """Missing voltage or torque over the time of one run, with its 90 % band."""
 
     run: str
-    """Name of the run."""
     quantity: str
     """Label, such as ``missing torque``."""
     unit: str
-    """Unit of the quantity."""
     time: Array
     """(n_sample,) increasing [s]."""
     median: Array
@@ -157,12 +151,10 @@ class MissingTrace:
 
 @dataclass(frozen=True)
 class CandidateRow:
-    """CandidateRow effect of the search."""
+    """Candidate effect of the search."""
 
     name: str
-    """Name of the effect."""
     equation: str
-    """Equation that it enters."""
     explained: float | None
     """Fraction of the squared residual that it explains on the training runs [-]."""
     validation: float | None
@@ -170,7 +162,6 @@ class CandidateRow:
     probability: float | None
     """Posterior model probability [-]."""
     verdict: Literal["chosen", "alternative", "ruled out"]
-    """``chosen``, ``alternative`` or ``ruled out``."""
     reason: str = ""
     """Reason for the verdict, one sentence."""
 
@@ -182,9 +173,7 @@ class SearchAccount:
     sentences: tuple[str, ...] = ()
     """Findings in plain words, one paragraph each."""
     terms: tuple[MissingTerm, ...] = ()
-    """Missing torque or voltage against its drivers."""
     traces: tuple[MissingTrace, ...] = ()
-    """Missing torque or voltage over time."""
     candidates: tuple[CandidateRow, ...] = ()
     """Candidates of the search, best first."""
     remaining: tuple[str, ...] = ()
@@ -216,6 +205,5 @@ class ReportData:
     confusions: tuple[str, ...] = ()
     """What the runs cannot distinguish from the effects found, one text each."""
     title: str = "Motor identification"
-    """Title of the report."""
     created: str = ""
     """Date of the fit, such as ``2026-11-23``; empty if unknown."""

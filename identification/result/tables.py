@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import pandas as pd
 
 from identification.errors import InputError, OptionError
 from identification.ingest.display import plain
-from identification.speed_loop.table import SPREAD, feedback_table
+from identification.speed_loop import METRIC_UNITS
 
-__all__ = ["TableName", "as_written", "result_table"]
+__all__ = ["TableName", "as_written", "feedback_table", "result_table"]
 
 Entry = Mapping[str, Any]
+_SPREAD: Final = ("median", "q05", "q95", "mean", "sd", "unit")
 
 TableName = Literal["parameters", "declared", "effects", "errors", "feedback", "warnings"]
 """``parameters`` of the final model and its effects, those of the nominal model (``declared``),
@@ -36,6 +37,18 @@ def result_table(result: Entry, name: TableName) -> pd.DataFrame:
         return _TABLES[name](result)
 
 
+def feedback_table(entries: Sequence[Entry]) -> pd.DataFrame:
+    """Table of the list under ``feedback`` of a result, a row for each metric."""
+    rows = [
+        [entry["controller"], entry["temperature_degC"], metric]
+        + [entry[metric].get(name) for name in _SPREAD]
+        for entry in entries
+        for metric in METRIC_UNITS
+        if entry.get(metric) is not None
+    ]
+    return pd.DataFrame(rows, columns=["controller", "temperature_degC", "metric", *_SPREAD])
+
+
 @contextmanager
 def as_written(member: str) -> Iterator[None]:
     """Turn the faults of members that were edited or cut into an error.
@@ -54,7 +67,7 @@ def as_written(member: str) -> Iterator[None]:
 
 
 def _parameters(entries: Mapping[str, Entry]) -> pd.DataFrame:
-    columns = [*SPREAD, "identified"]
+    columns = [*_SPREAD, "identified"]
     rows = [[entry.get(column) for column in columns] for entry in entries.values()]
     return pd.DataFrame(rows, pd.Index(list(entries), name="parameter"), columns)
 

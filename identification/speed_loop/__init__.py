@@ -8,15 +8,12 @@
     envelope.py       time after which such a sum stays below a level
     turns.py          zeros of the derivative of such a sum, from which monotone pieces follow
     step_response.py  rise, settling, peak and overshoot, exactly
-    margins.py        gain margin, phase margin and bandwidth, exactly
-    delayed_margins.py  the same margins with a delay
+    margins.py        gain margin, phase margin and bandwidth, exactly, also with a delay
     tuning.py         the PI controller that suits a motor
-    spread.py         the feedback list of a result: these metrics at each temperature
-    curves.py         step responses with bands, for plotting
+    spread.py         metrics and responses over the draws at each temperature
     closed_loop.py    simulation of the loop with the effects of the motor
     sampled.py        rise, settling, peak and overshoot of a simulated response
     nonlinear.py      feedback metrics of the motor with its effects
-    table.py          feedback metrics as a DataFrame
 
 Each module imports only modules above it.  The entry points are `feedback_metrics`, `step_curves`
 and, for the motor with its effects, `nonlinear.simulated_loops`.
@@ -30,9 +27,8 @@ from identification.speed_loop.controller import (
     parse_controller,
     parse_controllers,
 )
-from identification.speed_loop.curves import StepCurve, step_curves
 from identification.speed_loop.metrics import METRIC_UNITS
-from identification.speed_loop.spread import feedback_metrics
+from identification.speed_loop.spread import StepCurve, feedback_metrics, step_curves
 from identification.speed_loop.tuning import suited_controller
 
 __all__ = [

@@ -61,7 +61,6 @@ class ClosedLoop(MotorModel):
     """Motor and controller; the input ``voltage`` is the speed reference [rad/s]."""
 
     controller: AbstractController = PID("P:1", kp=1.0)
-    """Controller of the speed."""
 
     @cached_property
     def motor(self) -> MotorModel:

@@ -3,6 +3,13 @@
 On the imaginary axis, the squared modulus and the phase condition of a rational function are
 polynomials in x = omega^2.  Their positive real roots are all crossover frequencies, so none is
 missed between the points of a frequency grid.
+
+A delay tau leaves the gain crossovers, and each phase margin falls by exactly omega tau.  The phase
+crossovers are then roots of a transcendental equation; they are bracketed on a logarithmic
+frequency grid up to the Nyquist frequency and refined by bisection.
+
+Source: Astrom and Wittenmark, Computer-Controlled Systems, 1997, section 1.3 (hold as a delay of
+half a sample time).
 """
 
 from __future__ import annotations
@@ -17,9 +24,13 @@ from identification.arrays import Array
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.roots import monic_roots
 
-__all__ = ["Margins", "bandwidth", "gain_crossovers", "open_loop", "stability_margins"]
+__all__ = ["Margins", "bandwidth", "delayed_margins", "stability_margins"]
 
 _BANDWIDTH_DROP_DB: Final = 3.0
+_DECADES: Final = 5.0
+_POINTS: Final = 160
+_HALVINGS: Final = 30
+_AT_ONCE: Final = 2000
 
 
 @dataclass(frozen=True)
@@ -42,6 +53,27 @@ def stability_margins(loop: Loop) -> Margins:
         return Margins(_gain_margin(loop), _phase_margin(loop))
 
 
+def delayed_margins(loop: Loop, delay: float, highest: float) -> Margins:
+    """Margins of each open loop N / D with a delay [s]; the smallest over all crossovers.
+
+    A sampled controller delays by its computing time and half a sample time of the hold.  `highest`
+    is the largest frequency of a phase crossover, the Nyquist frequency [rad/s].
+    """
+    with np.errstate(all="ignore"):
+        frequency = _gain_crossovers(loop)
+        lead = np.angle(-_open_loop(loop, frequency), deg=True) - np.rad2deg(frequency * delay)
+        phase = np.where(np.isnan(lead), np.inf, lead).min(axis=1, initial=np.inf)
+        parts = [
+            _delayed_gain_margin(
+                Loop(loop.numerator[k : k + _AT_ONCE], loop.open_denominator[k : k + _AT_ONCE]),
+                delay,
+                highest,
+            )
+            for k in range(0, phase.size, _AT_ONCE)
+        ]
+    return Margins(np.concatenate(parts), phase)
+
+
 def bandwidth(loop: Loop) -> Array:
     """Lowest frequency at which the closed-loop gain is 3 dB below the DC gain [rad/s].
 
@@ -57,7 +89,7 @@ def bandwidth(loop: Loop) -> Array:
     return np.where(has_value, np.nanmin(_positive(closed), axis=1, initial=np.inf), np.nan)
 
 
-def open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
+def _open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
     """L(j omega) of each loop at its own frequencies, (n_loop, n_frequency) [rad/s]."""
     s = 1j * frequency
     value = [np.zeros_like(s), np.zeros_like(s)]
@@ -67,7 +99,7 @@ def open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
     return np.asarray(value[0] / value[1], dtype=np.complex128)
 
 
-def gain_crossovers(loop: Loop) -> Array:
+def _gain_crossovers(loop: Loop) -> Array:
     """Frequencies at which the open-loop gain is 1, (n_loop, n_root), padded with NaN [rad/s]."""
     crossing = _squared_modulus(loop.open_denominator)
     crossing[:, 1:] -= _squared_modulus(loop.numerator)
@@ -75,7 +107,7 @@ def gain_crossovers(loop: Loop) -> Array:
 
 
 def _phase_margin(loop: Loop) -> Array:
-    lead = np.angle(-open_loop(loop, gain_crossovers(loop)), deg=True)
+    lead = np.angle(-_open_loop(loop, _gain_crossovers(loop)), deg=True)
     margin = _nearest_to_zero(lead)
     return np.where(np.isnan(margin), np.inf, margin)
 
@@ -93,9 +125,30 @@ def _gain_margin(loop: Loop) -> Array:
     # Without an integrator the DC loop gain is finite and may be negative.
     at_rest = np.where(loop.open_denominator[:, -1:] == 0, np.nan, 0.0)
     crossings = np.concatenate([at_rest, _positive(phase[:, ::-1])], axis=1)
-    value = open_loop(loop, crossings).real
+    value = _open_loop(loop, crossings).real
     margin = _nearest_to_zero(np.where(value < 0, -20 * np.log10(-value), np.nan))
     return np.where(np.isnan(margin), np.inf, margin)
+
+
+def _delayed_gain_margin(loop: Loop, delay: float, highest: float) -> Array:
+    grid = np.geomspace(highest * 10**-_DECADES, highest, _POINTS)
+    count = loop.numerator.shape[0]
+    value = _open_loop(loop, np.broadcast_to(grid, (count, _POINTS))) * np.exp(-1j * grid * delay)
+    is_above = value.imag > 0
+    # The phase passes -180 degrees where the imaginary part changes its sign left of the origin.
+    turns = (is_above[:, :-1] != is_above[:, 1:]) & (value.real[:, 1:] < 0)
+    rows, first = np.nonzero(turns)
+    some = Loop(loop.numerator[rows], loop.open_denominator[rows])
+    low, high, begin = grid[first], grid[first + 1], is_above[rows, first]
+    for _ in range(_HALVINGS):
+        middle = np.sqrt(low * high)
+        at = _open_loop(some, middle[:, None])[:, 0] * np.exp(-1j * middle * delay)
+        is_before = (at.imag > 0) == begin
+        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+    found = _open_loop(some, high[:, None])[:, 0]
+    margin = np.full(count, np.inf)
+    np.minimum.at(margin, rows, -20 * np.log10(np.abs(found)))
+    return margin
 
 
 def _nearest_to_zero(candidates: Array) -> Array:

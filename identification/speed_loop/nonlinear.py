@@ -54,13 +54,11 @@ class SimulatedLoop:
     step: float
     """Size of the step of the reference [rad/s]."""
     effects: tuple[str, ...]
-    """Names of the effects in the loop."""
     time: Array
     """(n_time,) from 0 [s]."""
     speed: Array
     """(n_time, n_draw) divided by the step [-]."""
     metrics: StepMetrics
-    """Metrics of the responses."""
     settled: NDArray[np.bool_]
     """(n_draw,) whether the speed settled at its final value."""
 

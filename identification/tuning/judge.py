@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from identification.arrays import Array
 from identification.errors import OptionError
-from identification.speed_loop.delayed_margins import delayed_margins
 from identification.speed_loop.loop import Loop
+from identification.speed_loop.margins import delayed_margins
 from identification.speed_loop.sampled import sampled_metrics
 from identification.tuning.drive import GAINS, Drive, Response, most_samples
 from identification.tuning.motor import UncertainMotor
@@ -68,25 +68,19 @@ def slack_at(of_draws: Array, probability: float) -> Array:
     return np.asarray(np.sort(of_draws, axis=-1)[..., index])
 
 
+@dataclass(frozen=True)
 class Judge:
     """Judge of controllers for one motor, specification and step of the reference [rad/s]."""
 
-    def __init__(
-        self,
-        motor: UncertainMotor,
-        specification: Specification,
-        temperatures: list[float],
-        step: float,
-        *,
-        anti_windup: bool = True,
-    ) -> None:
-        self.motor, self.specification = motor, specification
-        self.temperatures, self.step, self.anti_windup = temperatures, step, anti_windup
+    motor: UncertainMotor
+    specification: Specification
+    temperatures: list[float]
+    step: float
+    anti_windup: bool = True
 
     def of(self, motor: UncertainMotor, temperatures: list[float] | None = None) -> Judge:
         """The same judge for other draws or temperatures."""
-        asked = temperatures or self.temperatures
-        return Judge(motor, self.specification, asked, self.step, anti_windup=self.anti_windup)
+        return replace(self, motor=motor, temperatures=temperatures or self.temperatures)
 
     def samples(self) -> int:
         """Number of sample times that the required times need.

@@ -34,7 +34,6 @@ class Metric:
     """Required metric."""
 
     unit: str
-    """Its unit."""
     is_upper: bool
     """Whether the requirement is an upper limit."""
     is_margin: bool = False
