@@ -264,24 +264,6 @@ def _searched(
     return found, with_sharp_friction(outcome)
 
 
-def _confounded(declared: Fit, outcome: Outcome | None) -> tuple[OmittedTerm, ...]:
-    """Effects that are confounded with parameters of the final model."""
-    if outcome is None:
-        return confounded_terms(declared)
-    return confounded_terms(
-        outcome.fit, declared if outcome.effects else None, is_structured=bool(outcome.omitted)
-    )
-
-
-def _check_withheld(kinds: Collection[str]) -> None:
-    unknown = [kind for kind in kinds if kind not in CATALOGUE]
-    if unknown:
-        raise OptionError(
-            f"withheld has the kind {unknown[0]!r}; expected kinds of {', '.join(CATALOGUE)}",
-            value=unknown[0],
-        )
-
-
 def _admitted(
     training: Sequence[Run],
     validation: Sequence[Run],
@@ -290,7 +272,12 @@ def _admitted(
 ) -> Admission:
     """The runs to fit, after all checks that need no fit."""
     check_values(training, validation)
-    _check_withheld(withheld)
+    for kind in withheld:
+        if kind not in CATALOGUE:
+            raise OptionError(
+                f"withheld has the kind {kind!r}; expected kinds of {', '.join(CATALOGUE)}",
+                value=kind,
+            )
     parse_controllers(options.controllers)
     return admitted(training, validation, options)
 
@@ -299,10 +286,14 @@ def _omitted(
     final: Fit, declared: Fit, outcome: Outcome | None, gains: Sequence[GainRatio]
 ) -> tuple[OmittedTerm, ...]:
     """Terms that are not in the model and could change its parameters."""
+    before = declared if outcome and outcome.effects else None
+    unexplained = outcome.omitted if outcome else ()
     return (
         *unknown_gain(final, [gain.ratio for gain in gains]),
-        *(outcome.omitted if outcome else ()),
-        *_confounded(declared, outcome),
+        *unexplained,
+        *confounded_terms(
+            outcome.fit if outcome else declared, before, is_structured=bool(unexplained)
+        ),
         *thermometer_errors(final, effective_fraction(final)),
         *unresolved_transients(final, effective_fraction(final)),
     )

@@ -114,7 +114,9 @@ def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorMo
     own = {
         f"{effect['name']}.{name}": entry
         for effect in effects
-        for name, entry in _own_parameters(effect).items()
+        for name, entry in _object(
+            {"parameters": {}, **effect}, "parameters", f"the effect {effect['name']} of the result"
+        ).items()
     }
     values = [
         _value(parameter, {**own, **entries}.get(parameter.name)) for parameter in model.parameters
@@ -162,11 +164,9 @@ def _known(content: Mapping[str, Any], name: str, place: str) -> float | None:
 
 
 def _hold(fitted: Mapping[str, Any]) -> Hold:
-    hold = fitted.get("hold")
-    if hold is None or hold == "zoh":
-        return "zoh"
-    if hold == "foh":
-        return "foh"
+    hold: Hold | None = fitted.get("hold")
+    if hold in (None, "zoh", "foh"):
+        return hold or "zoh"
     raise InputError(
         f"the result has the hold {str(hold)[:40]!r}; expected zoh or foh; use the unchanged "
         "result.json of 'motorid fit'",
@@ -187,11 +187,6 @@ def _object(content: Mapping[str, Any], name: str, place: str = "the result") ->
     if not isinstance(found, Mapping):
         raise _lacks(place, f"object {name!r}")
     return found
-
-
-def _own_parameters(effect: Mapping[str, Any]) -> Mapping[str, Any]:
-    place = f"the effect {effect['name']} of the result"
-    return _object({"parameters": {}, **effect}, "parameters", place)
 
 
 def _list(content: Mapping[str, Any], name: str) -> list[Any]:

@@ -10,9 +10,9 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
 from identification.result.missing_terms import undrawn_sentence
+from identification.result.models import reason_of
 from identification.result.numbers import interval_text, listed, number_text
 from identification.result.report_data import CandidateRow, MissingTerm, MissingTrace, SearchAccount
-from identification.result.search import reason_of
 from identification.result.simulation_errors import UNEXPLAINED_CHANNEL
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Found, Outcome

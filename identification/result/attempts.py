@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Final, ParamSpec, TypeVar
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 __all__ = ["Attempts", "figure"]
 
@@ -46,7 +46,11 @@ class Attempts:
             with np.errstate(all="ignore"):
                 return compute(*args, **kwargs)
         except _FAILURES as error:
-            self.remarks.append(_remark(name, error))
+            why = str(error) or type(error).__name__
+            self.remarks.append(
+                f"The {name} cannot be drawn for these values ({why}); result.json contains the "
+                "numbers."
+            )
             return None
 
     def rows(
@@ -64,13 +68,8 @@ def figure(
     name: str, draw: Callable[_Given, str], *args: _Given.args, **kwargs: _Given.kwargs
 ) -> Markup:
     """Draw a figure; return a line of text instead if the values do not allow it."""
-    try:
-        with np.errstate(all="ignore"):
-            return Markup(draw(*args, **kwargs))  # noqa: S704  figures escape external text
-    except _FAILURES as error:
-        return Markup('<p class="muted">') + escape(_remark(name, error)) + Markup("</p>")
-
-
-def _remark(name: str, error: Exception) -> str:
-    why = str(error) or type(error).__name__
-    return f"The {name} cannot be drawn for these values ({why}); result.json contains the numbers."
+    attempts = Attempts()
+    drawn = attempts.part(name, draw, *args, **kwargs)
+    if drawn is None:
+        return Markup('<p class="muted">{}</p>').format(*attempts.remarks)
+    return Markup(drawn)  # noqa: S704  figures escape external text

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.admission import Admission
 from identification.checks.finding import Finding
 from identification.checks.resistance import is_refuted, resistance_findings
 from identification.checks.time_constants import time_constant_findings
@@ -35,18 +34,17 @@ from identification.result.early_stop import early_stop_warnings
 from identification.result.entries import finite_or_null, parameter_entry
 from identification.result.findings import Findings
 from identification.result.known_values import (
-    contradiction_warnings,
+    contradiction_warning,
     known_only_warnings,
     prior_entries,
 )
-from identification.result.models import model_entries
+from identification.result.models import effect_entries, model_entries, searched_entries
 from identification.result.omitted import (
     confounded_entries,
     confounded_warnings,
     omitted_entries,
     omitted_warnings,
 )
-from identification.result.search import effect_entries, searched_entries
 from identification.result.simulation_errors import (
     error_entries,
     missed_channels,
@@ -56,7 +54,7 @@ from identification.result.simulation_errors import (
 from identification.selection.non_identifiable import linear_parts_of
 from identification.selection.omitted import consider_variances
 from identification.speed_loop import feedback_metrics
-from identification.speed_loop.nonlinear import nonlinear_entries
+from identification.speed_loop.nonlinear import nonlinear_entry
 from identification.warning import ResultWarning
 
 __all__ = ["assemble"]
@@ -86,7 +84,12 @@ def assemble(findings: Findings) -> dict[str, object]:
         "software": _software(),
         "options": _options(findings),
         "runs": _runs(findings.campaign),
-        **_checks(findings.admission, implausible),
+        "checks": [one.entry() for one in (*findings.admission.findings, *implausible)],
+        "forced": findings.admission.forced,
+        "set_aside": [
+            {"file": run.name, "sha256": run.sha256, "role": role}
+            for run, role in findings.admission.set_aside
+        ],
         "declared": {
             "hold": declared.simulator.model.hold,
             "voltage": findings.campaign.voltage,
@@ -117,7 +120,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         },
         "feedback": findings.feedback,
         "feedback_before": findings.feedback_before,
-        "feedback_nonlinear": nonlinear_entries(findings.loops),
+        "feedback_nonlinear": [nonlinear_entry(loop) for loop in findings.loops],
         "feedback_suited": _suited(findings),
         "sampler": None if sample is None else _sampler(sample),
         "warnings": [str(warning) for warning in warnings],
@@ -142,14 +145,12 @@ def _correlation(final: Fit, draws: dict[str, Array]) -> dict[str, object]:
 
 
 def _suited(findings: Findings) -> list[dict[str, Any]]:
-    """Member ``feedback_suited`` of the result."""
     if findings.suited is None:
         return []
     return feedback_metrics(findings.draws, findings.options.temperatures, [findings.suited])
 
 
 def _sampler(sample: Sample) -> dict[str, object]:
-    """Member ``sampler`` of the result."""
     convergence = asdict(sample.convergence)
     is_converged = convergence.pop("reached")
     return {
@@ -174,11 +175,13 @@ def _reconsidered(findings: Findings) -> tuple[Findings, list[Finding]]:
     values = final.by_name
     deviations = dict(zip(final.coordinates.names, map(float, final.deviations), strict=True))
     trusted = {name: known[name] and name not in given for name in DECLARED_PARAMETERS}
-    admission = findings.admission
-    if admission is not None:
-        kept = [f for f in admission.findings if not is_refuted(f, values, deviations, trusted)]
-        findings = replace(findings, admission=replace(admission, findings=tuple(kept)))
-    return findings, [
+    kept = [
+        one
+        for one in findings.admission.findings
+        if not is_refuted(one, values, deviations, trusted)
+    ]
+    admission = replace(findings.admission, findings=tuple(kept))
+    return replace(findings, admission=admission), [
         *time_constant_findings(values, trusted),
         *resistance_findings(values, deviations, trusted),
         *findings.overheating,
@@ -233,20 +236,6 @@ def _ranges(run: Run) -> dict[str, list[float]]:
         name: [float(values.min()), float(values.max())]
         for name, values in channels.items()
         if values is not None
-    }
-
-
-def _checks(admission: Admission | None, found: Sequence[Finding]) -> dict[str, object]:
-    """Findings of the checks, whether the fit was forced, and the runs that were set aside."""
-    if admission is None:
-        return {"checks": [one.entry() for one in found], "forced": False, "set_aside": []}
-    return {
-        "checks": [one.entry() for one in (*admission.findings, *found)],
-        "forced": admission.forced,
-        "set_aside": [
-            {"file": run.name, "sha256": run.sha256, "role": role}
-            for run, role in admission.set_aside
-        ],
     }
 
 
@@ -305,8 +294,8 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
     runs = (*campaign.training_runs, *campaign.validation_runs)
     stopped = (options.effort, options.time_limit if findings.interrupted else None)
     return [
-        *contradiction_warnings(findings.contradicted, runs),
-        *(findings.admission.warnings if findings.admission else []),
+        *(contradiction_warning(one, runs[0]) for one in findings.contradicted),
+        *findings.admission.warnings,
         *missed,
         *unexplained_channels(findings),
         *_undetermined(findings),

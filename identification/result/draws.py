@@ -20,6 +20,7 @@ from identification.ingest.display import plain
 from identification.ingest.formats.hdf5 import check_heaps
 from identification.ingest.formats.library import decoding
 from identification.quantities import DECLARED_PARAMETERS
+from identification.result.numbers import finite
 
 __all__ = ["chain_draws", "check_same_fit", "normal_draws"]
 
@@ -101,11 +102,8 @@ def check_same_fit(result: Mapping[str, Any], draws: Mapping[str, Array], name: 
     Raises:
         InputError: The median of a parameter deviates by more than `_FARTHEST_MEDIAN`.
     """
-    parameters = result.get("parameters")
     for parameter in DECLARED_PARAMETERS:
-        entry = parameters.get(parameter) if isinstance(parameters, Mapping) else None
-        found = entry if isinstance(entry, Mapping) else {}
-        centre, spread = _finite(found.get("median")), _finite(found.get("sd"))
+        centre, spread = _median_and_sd(result, parameter)
         if centre is None or spread is None or parameter not in draws:
             continue
         median = float(np.median(draws[parameter]))
@@ -134,10 +132,7 @@ def normal_draws(
     normal = _root(result, name) @ rng.standard_normal((len(DECLARED_PARAMETERS), count))
     draws = {}
     for k, parameter in enumerate(DECLARED_PARAMETERS):
-        parameters = result.get("parameters")
-        entry = parameters.get(parameter) if isinstance(parameters, Mapping) else None
-        found = entry if isinstance(entry, Mapping) else {}
-        centre, spread = _finite(found.get("median")), _finite(found.get("sd"))
+        centre, spread = _median_and_sd(result, parameter)
         if centre is None or spread is None:
             raise InputError(
                 f"has no median and sd of {parameter}; give the parameters with --set NAME=VALUE "
@@ -155,13 +150,13 @@ def normal_draws(
     return draws
 
 
-def _finite(value: object) -> float | None:
-    """The value as a float; None if it is no number or not within the range of floats."""
-    try:
-        number = float(value) if isinstance(value, int | float) else math.nan
-    except OverflowError:
-        return None
-    return number if math.isfinite(number) else None
+def _median_and_sd(result: Mapping[str, Any], name: str) -> list[float | None]:
+    """Median and standard deviation of a parameter; None for what is no finite number."""
+    parameters = result.get("parameters")
+    entry = parameters.get(name) if isinstance(parameters, Mapping) else None
+    found = entry if isinstance(entry, Mapping) else {}
+    values = (found.get("median"), found.get("sd"))
+    return [finite(value) if isinstance(value, int | float) else None for value in values]
 
 
 def _root(result: Mapping[str, Any], file: str | None) -> Array:

@@ -43,6 +43,7 @@ INTERVAL_LEVEL: Final = 0.90
 NEAR_NOISE: Final = 1.10
 """Noise ratio (simulation error over sensor noise) above which the model is incomplete [-]."""
 
+_STATISTICS: Final = ("mean", "sd", "q05", "median", "q95")
 _QUANTILES: Final = (0.05, 0.5, 0.95)
 
 
@@ -68,11 +69,10 @@ def quantity_entry(draws: ArrayLike, unit: str) -> dict[str, Any]:
     """
     values = np.asarray(draws, dtype=np.float64).ravel()
     finite = values[np.isfinite(values)]
-    if finite.size == 0:
-        entry = _entry(unit, math.nan, math.nan, (math.nan,) * 3)
-    else:
-        low, median, high = np.quantile(finite, _QUANTILES)
-        entry = _entry(unit, finite.mean(), finite.std(), (low, median, high))
+    numbers: list[float | None] = [None] * len(_STATISTICS)
+    if finite.size:
+        numbers = finite_or_null([finite.mean(), finite.std(), *np.quantile(finite, _QUANTILES)])
+    entry = dict(zip(_STATISTICS, numbers, strict=True)) | {"unit": unit}
     if finite.size < values.size:
         entry["defined_fraction"] = finite.size / values.size
     return entry
@@ -113,15 +113,3 @@ def result_schema() -> dict[str, Any]:
     from identification.result.schema import schema_of
 
     return schema_of([*CATALOGUE, "unlisted"])
-
-
-def _entry(unit: str, mean: float, sd: float, quantiles: tuple[float, ...]) -> dict[str, Any]:
-    low, median, high = (finite_or_null(float(value)) for value in quantiles)
-    return {
-        "mean": finite_or_null(float(mean)),
-        "sd": finite_or_null(float(sd)),
-        "q05": low,
-        "median": median,
-        "q95": high,
-        "unit": unit,
-    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -63,25 +63,25 @@ class Findings:
     """The chain, None if none was requested."""
     feedback: list[dict[str, object]]
     """The feedback list of the result."""
-    outcome: Outcome | None = None
+    outcome: Outcome | None
     """Outcome of the effect search, None if none was made."""
-    feedback_before: list[dict[str, object]] = field(default_factory=list)
+    feedback_before: list[dict[str, object]]
     """The feedback list of the nominal model; empty if that is the final model."""
-    suited: AbstractController | None = None
+    suited: AbstractController | None
     """PI controller that suits the motor; None if the rule gives none."""
-    loops: tuple[SimulatedLoop, ...] = ()
+    loops: tuple[SimulatedLoop, ...]
     """Closed-loop simulations with the effects; empty if no effect acts in the loop."""
-    localisation: Localisation | None = None
+    localisation: Localisation | None
     """Missing voltage and torque of the nominal model, None if not estimated."""
-    left: Localisation | None = None
+    left: Localisation | None
     """Missing voltage and torque of the final model, None if not estimated."""
-    interrupted: bool = False
+    interrupted: bool
     """Whether the time limit stopped a stage."""
-    omitted: tuple[OmittedTerm, ...] = ()
+    omitted: tuple[OmittedTerm, ...]
     """Terms that are not in the final model and could change its parameters."""
-    admission: Admission | None = None
-    """Findings of the input checks and the runs set aside, None if no check was made."""
-    contradicted: tuple[Comparison, ...] = ()
+    admission: Admission
+    """Findings of the input checks and the runs set aside."""
+    contradicted: tuple[Comparison, ...]
     """Known values that the runs contradict."""
 
     @cached_property

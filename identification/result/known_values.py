@@ -17,7 +17,7 @@ from identification.nameplate import NAMEPLATE
 from identification.result.entries import ORIGINS
 from identification.warning import Option, ResultWarning
 
-__all__ = ["contradiction_warnings", "known_only_warnings", "prior_entries"]
+__all__ = ["contradiction_warning", "known_only_warnings", "prior_entries"]
 
 _CLOSE: Final = 0.4
 """Tolerance of a log ratio around the factor of a unit: two standard deviations of a nameplate
@@ -72,14 +72,11 @@ def known_only_warnings(fit: Fit, share: float) -> list[ResultWarning]:
     ]
 
 
-def contradiction_warnings(
-    contradicted: Sequence[Comparison], runs: Sequence[Run]
-) -> list[ResultWarning]:
-    """Warnings on unused known values, each with the estimate from the runs and a likely cause."""
-    return [_contradiction(one, runs) for one in contradicted]
+def contradiction_warning(one: Comparison, run: Run) -> ResultWarning:
+    """Warning on an unused known value, with the estimate from the runs and a likely cause.
 
-
-def _contradiction(one: Comparison, runs: Sequence[Run]) -> ResultWarning:
+    The text names the columns of the first run, which are those of all runs logged in the same way.
+    """
     prior = one.prior
     given = f"{prior.value:.4g} {prior.unit} (sd {prior.sd:.2g})"
     if (prior.name, prior.origin) == ("b", NAMEPLATE):
@@ -97,17 +94,14 @@ def _contradiction(one: Comparison, runs: Sequence[Run]) -> ResultWarning:
     )
     lag = "a filter or delay of the current sensor also increases the estimated L"
     lags = [lag] if prior.name == "L" and one.estimate > prior.value else []
-    units = _units(one, runs[0])
+    units = _units(one, run)
     option: Option | None = "map" if any("--map" in text for text in units) else None
     fix = "; ".join(["check it", *lags, *units])
     return ResultWarning("known_value_contradicted", "warning", message, fix, option)
 
 
 def _units(one: Comparison, run: Run) -> list[str]:
-    """Unit whose factor explains the difference from the known value, and its correction.
-
-    The text names the column of the first run, which is that of all runs logged in the same way.
-    """
+    """Unit whose factor explains the difference from the known value, and its correction."""
     channel = _SHOWN_BY.get(one.prior.name)
     if channel is None or not one.estimate > 0.0:
         return []

@@ -244,14 +244,11 @@ def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
     names = [term.name.replace("_", " ") for term in terms if not _acts_in_motor(term)]
     if not names:
         return ""
+    verb = "acts" if len(names) == 1 else "act"
     return (
-        f"{' and '.join(names).capitalize()} {_verb(names)} on the logged signals and "
+        f"{' and '.join(names).capitalize()} {verb} on the logged signals and "
         "not in the motor, so there is no missing voltage or torque to plot."
     )
-
-
-def _verb(names: Sequence[str]) -> str:
-    return "acts" if len(names) == 1 else "act"
 
 
 def _acts_in_motor(term: AbstractTerm) -> bool:

@@ -16,6 +16,7 @@ __all__ = [
     "Interval",
     "count_text",
     "entry_text",
+    "finite",
     "interval_text",
     "listed",
     "number_text",
@@ -63,7 +64,7 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
 
     Source: Particle Data Group, Review of Particle Physics, introduction, section 5.3.
     """
-    median, low, high = _known(median), _known(low), _known(high)
+    median, low, high = finite(median), finite(low), finite(high)
     known = [value for value in (median, low, high) if value is not None]
     if known and not any(known):
         middle, lower, upper = ("0" if value == 0.0 else UNKNOWN for value in (median, low, high))
@@ -99,11 +100,11 @@ def _supported(deviation: float) -> int:
 
 def number_text(value: float | None, digits: int = 4) -> str:
     """Format a number to `digits` significant digits; an en dash if unknown."""
-    value = _known(value)
+    value = finite(value)
     if value is None:
         return UNKNOWN
     # Round first: 0.99996 to four digits is 1.000, with one digit before the point.
-    value = _known(float(f"{value:.{digits - 1}e}")) or value
+    value = finite(float(f"{value:.{digits - 1}e}")) or value
     exponent = _exponent(abs(value))
     scaled = value * 10.0**-exponent
     decimals = min(max(digits - _leading(abs(scaled)), 0), 9)
@@ -112,7 +113,7 @@ def number_text(value: float | None, digits: int = 4) -> str:
 
 def percent_text(share: float | None, digits: int = 3) -> str:
     """Format a fraction as per cent; an en dash if unknown."""
-    share = _known(share)
+    share = finite(share)
     if share is None:
         return UNKNOWN
     return f"{number_text(100.0 * share, digits)} %"
@@ -123,7 +124,7 @@ def probability_text(share: float | None) -> str:
 
     A probability of 1 is one that was rounded: no finite record makes a model certain.
     """
-    share = _known(share)
+    share = finite(share)
     if share is None:
         return UNKNOWN
     if 0.0 <= share < 0.001:
@@ -138,7 +139,7 @@ def unit_prefix(unit: str, values: Iterable[float | None]) -> tuple[float, str]:
 
     The values share the unit, such as one row of a table; only s and H get a prefix.
     """
-    sizes = [abs(value) for value in map(_known, values) if value]
+    sizes = [abs(value) for value in map(finite, values) if value]
     if unit not in ("s", "H") or not sizes or max(sizes) >= 1.0 or max(sizes) < 1e-7:
         return 1.0, unit
     return (1e3, f"m{unit}") if max(sizes) >= 1e-3 else (1e6, f"µ{unit}")
@@ -146,7 +147,7 @@ def unit_prefix(unit: str, values: Iterable[float | None]) -> tuple[float, str]:
 
 def signed_percent_text(share: float | None) -> str:
     """Format a relative change as per cent with its sign; an en dash if unknown."""
-    share = _known(share)
+    share = finite(share)
     if share is None:
         return UNKNOWN
     percent = 100.0 * share
@@ -182,7 +183,7 @@ def with_symbols(sentence: str) -> str:
 
 def unit_power(size: float) -> int:
     """Power of ten to factor out of an axis whose largest value is `size`; 0 for plain numbers."""
-    known = _known(size)
+    known = finite(size)
     if known is None or known <= 0.0 or 0.05 <= known < 1000.0:
         return 0
     return max(math.floor(math.log10(known)), _LEAST_EXPONENT)
@@ -193,7 +194,7 @@ def scaled_unit(unit: str, power: int) -> str:
     return f"{_ten(power)} {unit_text(unit)}".strip() if power else unit_text(unit)
 
 
-def _known(value: float | None) -> float | None:
+def finite(value: float | None) -> float | None:
     """The number as a float; None if missing, not finite or beyond the range of floats."""
     if value is None:
         return None

@@ -51,7 +51,7 @@ def acting_terms(model: MotorModel) -> tuple[AbstractTerm, ...]:
 def _belongs_to_a_run(term: AbstractTerm) -> bool:
     """Whether the equations of the term depend on the time in a run or on the run's index."""
     alone = MotorModel((term,))
-    x, u, p = _symbols(len(alone.state_names), len(alone.parameters))
+    x, u, p = alone.symbols()
     moments = ca.vertcat(u[INPUTS.index("time")], u[INPUTS.index("run")])
     return bool(ca.depends_on(alone.rates(x, u, p), moments))
 
@@ -224,7 +224,7 @@ def simulated_loop(
         start = np.zeros((len(loop.state_names), lanes))
         start[2 : 2 + own_states.size] = own_states[:, None]
         starts.append(_kicked(loop, start, row, parameters, step))
-    x, u, p = _symbols(len(loop.state_names), len(loop.parameters))
+    x, u, p = loop.symbols()
     rate = fastest_rate(loop, starts, rows, parameters) * time[1]
     plan = plan_for(_MARGIN * rate, linear=not loop.terms)
     rates = loop.rates(x, u, p)
@@ -232,10 +232,6 @@ def simulated_loop(
     advanced = ca.Function("loop", [x, u, p], [advance(loop, plan, x, u, p), seen])
     _, outputs = scan_of(advanced)(rows, parameters, starts)
     return [LoopRun(time, *(y[:, k, :] for k in range(4))) for y in outputs]
-
-
-def _symbols(states: int, parameters: int) -> tuple[ca.SX, ca.SX, ca.SX]:
-    return ca.SX.sym("x", states), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", parameters)
 
 
 def _kicked(loop: ClosedLoop, start: Array, row: Array, parameters: Array, step: float) -> Array:
@@ -247,7 +243,7 @@ def _kicked(loop: ClosedLoop, start: Array, row: Array, parameters: Array, step:
     kick = loop.kick * step
     if not kick:
         return start
-    x, u, p = _symbols(len(loop.motor.state_names), len(loop.parameters))
+    x, u, p = loop.motor.symbols()
     inverse = ca.jacobian(loop.motor.rates(x, u, p)[0], u[_REFERENCE])
     slope = ca.Function("inverse_inductance", [x, u, p], [inverse])
     inputs = np.repeat(row[:, None], parameters.shape[1], axis=1)
@@ -271,7 +267,7 @@ def fastest_rate(
             row is taken as the speed.
         parameters: (n_parameter, n_draw) physical.
     """
-    x, u, p = _symbols(len(model.state_names), len(model.parameters))
+    x, u, p = model.symbols()
     jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)])
     largest, size = 0.0, x.numel()
     for start, row in zip(starts, rows, strict=True):

@@ -31,7 +31,7 @@ from identification.speed_loop.sampled import is_at_rest, sampled_metrics
 from identification.speed_loop.spread import checked_temperatures
 from identification.speed_loop.step_response import StepResponse, step_metrics
 
-__all__ = ["SimulatedLoop", "nonlinear_entries", "simulated_loops", "with_some_inductance"]
+__all__ = ["SimulatedLoop", "nonlinear_entry", "simulated_loops", "with_some_inductance"]
 
 _DRAWS: Final = 64
 _SAMPLES: Final = 1000
@@ -90,16 +90,12 @@ def simulated_loops(
     ]
 
 
-def nonlinear_entries(loops: Sequence[SimulatedLoop]) -> list[dict[str, Any]]:
-    """Entries like those of `feedback_metrics`, with the step and the effects.
+def nonlinear_entry(loop: SimulatedLoop) -> dict[str, Any]:
+    """Entry like those of `feedback_metrics`, with the step and the effects.
 
     Peak and final value are divided by the step, so they are comparable with those of the linear
     loop.  Margins and bandwidth are defined for linear loops only and are null.
     """
-    return [_entry(loop) for loop in loops]
-
-
-def _entry(loop: SimulatedLoop) -> dict[str, Any]:
     count, share = loop.settled.size, float(loop.settled.mean())
     words = f"all {count}" if share == 1 else f"{100 * share:.3g} % of {count}"
     return {
@@ -240,11 +236,8 @@ def _events(run: LoopRun, step: float) -> StepMetrics:
 
 def _agree(coarse: StepMetrics, fine: StepMetrics) -> bool:
     """Whether halving the interval changes the metrics by at most 0.1 % in 90 % of the draws."""
-    for a, b in (
-        (coarse.rise_time, fine.rise_time),
-        (coarse.settling_time, fine.settling_time),
-        (coarse.steady_state, fine.steady_state),
-    ):
+    for name in ("rise_time", "settling_time", "steady_state"):
+        a, b = getattr(coarse, name), getattr(fine, name)
         both = np.isfinite(a) & np.isfinite(b)
         if both.any() and np.quantile(np.abs(a[both] / b[both] - 1), 0.9) > _AGREE:
             return False

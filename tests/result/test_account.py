@@ -10,7 +10,7 @@ import pytest
 from identification.effects.friction import CoulombFriction
 from identification.fit.solve import Fit
 from identification.result.account import account_of
-from identification.result.search import searched_entries
+from identification.result.models import searched_entries
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
 from identification.surrogates.curves import MissingVoltage

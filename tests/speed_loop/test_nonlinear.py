@@ -29,7 +29,7 @@ from identification.selection.start import Start
 from identification.speed_loop import METRIC_UNITS, feedback_metrics
 from identification.speed_loop.closed_loop import ClosedLoop, LoopRun, acting_terms, simulated_loop
 from identification.speed_loop.controller import parse_controller
-from identification.speed_loop.nonlinear import nonlinear_entries, simulated_loops
+from identification.speed_loop.nonlinear import nonlinear_entry, simulated_loops
 from identification.speed_loop.sampled import sampled_metrics
 from tests.motors import NAMES, campaign, motor_named
 
@@ -194,7 +194,8 @@ def test_entries_have_the_shape_of_the_exact_ones_and_their_values(fits: tuple[F
     draws = spread(fits[1])
 
     exact = feedback_metrics(draws, [25.0, 125.0], ["P:1", "PI:0.2,2"])
-    entries = nonlinear_entries(simulated_loops(fits[1], draws, [25.0, 125.0], ["P:1", "PI:0.2,2"]))
+    loops = simulated_loops(fits[1], draws, [25.0, 125.0], ["P:1", "PI:0.2,2"])
+    entries = [nonlinear_entry(loop) for loop in loops]
 
     for entry, known in zip(entries, exact, strict=True):
         assert set(known) <= set(entry)
