@@ -162,8 +162,7 @@ def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: fl
     zero = float(frame.y(0.0))
     body += f'<path class="zero" d="M{_LEFT:.1f} {zero:.1f}H{_LEFT + _WIDTH:.1f}"/>'
     loud = [mark.is_significant for mark in marks]
-    ends = (frame.y((middle + sign * half) * factor) for sign in (-1.0, 1.0))
-    low, high = ends
+    low, high = (frame.y((middle + sign * half) * factor) for sign in (-1.0, 1.0))
     return body + _bars(across, low, frame.y(middle * factor), high, loud)
 
 

@@ -6,8 +6,8 @@ text = render_fleet("November refit", refits)
 from __future__ import annotations
 
 import statistics
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -37,18 +37,6 @@ _PACKAGE = "identification.fleet"
 _MOST_LISTED = 60
 
 
-@dataclass(frozen=True)
-class _Remarkable:
-    """One motor and parameter that is an outlier or has changed significantly."""
-
-    refit: Refit
-    name: str
-    value: str
-    reference: str
-    change: str
-    size: float
-
-
 def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
     """Render the complete page, with a link `back` unless it is empty."""
     changes = drifts(refits)
@@ -61,7 +49,7 @@ def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
         back=back,
         policy=content_security_policy(),
         styles=_styles(),
-        counts=_counts(refits),
+        counts=Counter(refit.status for refit in refits),
         compared=sum(bool(found) for found in changes),
         outliers=outliers[:_MOST_LISTED],
         more_outliers=len(outliers) - len(outliers[:_MOST_LISTED]),
@@ -96,51 +84,41 @@ def _styles() -> tuple[Markup, ...]:
     return asset("identification.reporting", "report.css"), asset(_PACKAGE, "fleet.css")
 
 
-def _counts(refits: Sequence[Refit]) -> dict[str, int]:
+def _remarkable(
+    refit: Refit, name: str, reference: float | None, share: float | None, size: float | None
+) -> dict[str, Any]:
+    """Row of a motor and parameter that is an outlier or has changed significantly."""
     return {
-        status: sum(refit.status == status for refit in refits)
-        for status in dict.fromkeys(refit.status for refit in refits)
+        "refit": refit,
+        "name": name,
+        "value": _with_unit(refit.estimates[name].median, name),
+        "reference": _with_unit(reference, name),
+        "change": signed_percent_text(share),
+        "size": size or 0.0,
     }
 
 
-def _outliers(refits: Sequence[Refit], spreads: dict[str, Spread]) -> list[_Remarkable]:
+def _outliers(refits: Sequence[Refit], spreads: dict[str, Spread]) -> list[dict[str, Any]]:
     """Outlying motors, largest score first."""
     found = []
     for name, spread in spreads.items():
         for index, refit in enumerate(refits):
             if spread.is_outlier(index):
-                value = refit.estimates[name].median
-                median = spread.median
+                value, median = refit.estimates[name].median, spread.median
                 share = value / median - 1.0 if value is not None and median else None
-                found.append(
-                    _Remarkable(
-                        refit,
-                        name,
-                        _with_unit(value, name),
-                        _with_unit(median, name),
-                        signed_percent_text(share),
-                        spread.scores[index] or 0.0,
-                    )
-                )
-    return sorted(found, key=lambda one: -abs(one.size))
+                found.append(_remarkable(refit, name, median, share, spread.scores[index]))
+    return sorted(found, key=lambda one: -abs(one["size"]))
 
 
-def _moved(refits: Sequence[Refit], changes: Sequence[dict[str, Drift]]) -> list[_Remarkable]:
+def _moved(refits: Sequence[Refit], changes: Sequence[dict[str, Drift]]) -> list[dict[str, Any]]:
     """Significant changes since the last refit, largest first."""
     found = [
-        _Remarkable(
-            refit,
-            name,
-            _with_unit(refit.estimates[name].median, name),
-            _with_unit(refit.previous.estimates[name].median, name),
-            signed_percent_text(drift.relative),
-            drift.sds or 0.0,
-        )
+        _remarkable(refit, name, refit.previous.estimates[name].median, drift.relative, drift.sds)
         for refit, motor_changes in zip(refits, changes, strict=True)
         for name, drift in motor_changes.items()
         if drift.is_significant and refit.previous is not None
     ]
-    return sorted(found, key=lambda one: -abs(one.size))
+    return sorted(found, key=lambda one: -abs(one["size"]))
 
 
 def _explained(

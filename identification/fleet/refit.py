@@ -114,6 +114,7 @@ def refit_of(
     """Extract the compared parts of a result; absent members count as unknown."""
     parameters = result.get("parameters") or {}
     after = (result.get("errors") or {}).get("after") or {}
+    effects = result.get("effects") or ()
     return Refit(
         motor=motor,
         status=status,
@@ -122,7 +123,7 @@ def refit_of(
             for name in DECLARED_PARAMETERS
             if name in parameters
         },
-        effects=tuple(str(effect["name"]) for effect in result.get("effects") or ()),
+        effects=tuple(str(effect["name"]) for effect in effects),
         noise_ratios={
             (role, channel): ((after.get(role) or {}).get(channel) or {}).get("noise_ratio")
             for role in ("training", "validation")
@@ -138,11 +139,12 @@ def refit_of(
         warnings=tuple(str(warning) for warning in result.get("warnings") or ()),
         link=link,
         type=motor_type,
-        sizes=dict(map(_size, _lasting(result))),
-        equations={
-            str(effect["name"]): str(effect.get("equation", ""))
-            for effect in result.get("effects") or ()
-        },
+        sizes=dict(
+            _size(effect)
+            for effect in effects
+            if effect["name"] not in _OF_SINGLE_RUNS and effect.get("parameters")
+        ),
+        equations={str(effect["name"]): str(effect.get("equation", "")) for effect in effects},
         correlation=_correlation(result.get("correlation") or {}),
     )
 
@@ -156,15 +158,6 @@ def _correlation(entry: Mapping[str, Any]) -> dict[tuple[str, str], float]:
         for second, value in zip(names, row, strict=False)
         if value is not None
     }
-
-
-def _lasting(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Entries of the effects that have a size and do not belong to single runs."""
-    return [
-        effect
-        for effect in result.get("effects") or ()
-        if effect["name"] not in _OF_SINGLE_RUNS and effect.get("parameters")
-    ]
 
 
 def _size(effect: Mapping[str, Any]) -> tuple[str, Size]:

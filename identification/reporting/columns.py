@@ -15,7 +15,6 @@ from __future__ import annotations
 import base64
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, TypedDict
 
 import numpy as np
@@ -73,27 +72,6 @@ class StoredRun(TypedDict):
     columns: dict[str, Column]
 
 
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """Columns of a run before encoding, with a row of NaN in the middle of each gap."""
-
-    columns: dict[str, Array]
-    steps: dict[str, float]
-
-    def stored(self) -> dict[str, Column]:
-        """The encoded columns."""
-        found: dict[str, Column] = {}
-        for name, values in self.columns.items():
-            step, plus = self.steps[name], _PREDICTORS.get(name, "")
-            other = self.columns[plus] if plus else np.zeros(values.size)
-            if plus and np.isfinite(other[np.isfinite(values)]).all():
-                predicted = _rounded(other, self.steps[plus])
-                found[name] = encoded(values - predicted, step) | {"plus": plus}
-            else:
-                found[name] = encoded(values, step)
-        return found
-
-
 def stored_runs(
     runs: Sequence[RunTraces], noise: Mapping[str, float | None], budget: int
 ) -> list[StoredRun]:
@@ -123,8 +101,7 @@ def _fitting(
 
     `room` is the largest size of columns with all samples, `share` that with extremes only [bytes].
     """
-    everything = _table(run, noise, np.arange(run.time.size))
-    columns = everything.stored()
+    columns = _stored(run, noise, np.arange(run.time.size))
     size = _size(columns)
     if size <= room:
         return columns, True, 0
@@ -135,7 +112,7 @@ def _fitting(
     kept = extremes(channels, buckets)
     if kept.size == run.time.size:
         return columns, True, 0
-    return _table(run, noise, kept).stored(), False, buckets
+    return _stored(run, noise, kept), False, buckets
 
 
 def _note(size: int, buckets: int, complete: bool) -> str:
@@ -155,7 +132,8 @@ def _channels(run: RunTraces) -> dict[str, Array]:
     return {name: one for name, one in vars(run).items() if isinstance(one, np.ndarray)}
 
 
-def _table(run: RunTraces, noise: Mapping[str, float | None], kept: Indices) -> _Table:
+def _stored(run: RunTraces, noise: Mapping[str, float | None], kept: Indices) -> dict[str, Column]:
+    """The encoded columns of some samples, with a row of NaN in the middle of each gap."""
     time = run.time[kept]
     # A gap between the samples, not between the extremes that were kept.
     pauses = np.searchsorted(kept, gaps(run.time), side="right")
@@ -170,7 +148,15 @@ def _table(run: RunTraces, noise: Mapping[str, float | None], kept: Indices) -> 
         steps[name] = _step(values, known / _NOISE_STEPS if known else 0.0)
     if time.size > 1:
         steps["time"] = float(np.median(np.diff(run.time))) / _TIME_STEPS
-    return _Table(columns, steps)
+    found: dict[str, Column] = {}
+    for name, values in columns.items():
+        plus = _PREDICTORS.get(name, "")
+        if plus and np.isfinite(columns[plus][np.isfinite(values)]).all():
+            predicted = _rounded(columns[plus], steps[plus])
+            found[name] = encoded(values - predicted, steps[name]) | {"plus": plus}
+        else:
+            found[name] = encoded(values, steps[name])
+    return found
 
 
 def _step(values: Array, step: float) -> float:

@@ -29,14 +29,10 @@ from identification.result.numbers import (
 )
 from identification.result.report_data import (
     CandidateRow,
-    MissingTerm,
-    MissingTrace,
     ReportData,
 )
 
 __all__ = [
-    "EffectTile",
-    "ErrorBar",
     "KeyFigure",
     "effect_tiles",
     "error_bars",
@@ -56,45 +52,6 @@ class KeyFigure:
     value: str
     remark: str
     tone: str = "plain"
-
-
-@dataclass(frozen=True, eq=False)
-class EffectTile:
-    """One effect of the final model with its evidence."""
-
-    name: str
-    place: str
-    """Equation and drivers."""
-    probability: str
-    amount: str
-    """First parameter of the effect with its interval."""
-    evidence: tuple[tuple[str, str], ...]
-    """Label and text of each number that supports the effect."""
-    alternatives: str
-    """Effects that the runs cannot exclude, with their probabilities."""
-    term: MissingTerm | None
-    """Estimates of the missing quantity against the driver; None if not computed."""
-    trace: MissingTrace | None
-    """Estimates of the missing quantity over time; None if not computed."""
-
-
-@dataclass(frozen=True)
-class ErrorBar:
-    """RMSE over sensor noise of one channel on the deciding runs, before and after."""
-
-    channel: str
-    """``current`` or ``speed``."""
-    role: str
-    before: str
-    """Noise ratio of the nominal model as text; empty if it is the final model."""
-    after: str
-    """Noise ratio of the final model as text."""
-    fit: str
-    """100 % (1 - NRMSE) as text."""
-    widths: tuple[float, float, float]
-    """Lengths of both bars and position of the noise, in per cent of the common scale."""
-    tone: str
-    """``good``, ``fair``, ``bad`` or ``plain``."""
 
 
 def facts(data: ReportData) -> list[tuple[str, str]]:
@@ -159,13 +116,17 @@ def _effects_sentence(result: Entry) -> str:
     return "No effect beyond the nominal model was found."
 
 
-def effect_tiles(data: ReportData) -> list[EffectTile]:
-    """One tile per effect of the final model, strongest evidence first."""
+def effect_tiles(data: ReportData) -> list[Entry]:
+    """Effects of the final model in words, strongest evidence first, with what they explain.
+
+    `term` is the missing voltage or torque against its driver, `trace` that over time; None if not
+    computed.
+    """
     terms = data.account.terms if data.account else ()
     traces = data.account.traces if data.account else ()
     candidates = data.account.candidates if data.account else ()
     return [
-        EffectTile(
+        dict(
             name=effect["name"].replace("_", " ").capitalize(),
             place=_place(effect),
             probability=probability_text(effect["probability"]),
@@ -214,10 +175,11 @@ def _evidence(name: str, candidates: Sequence[CandidateRow]) -> tuple[tuple[str,
     return ()
 
 
-def error_bars(result: Entry, coloured: Sequence[str] = ()) -> list[ErrorBar]:
+def error_bars(result: Entry, coloured: Sequence[str] = ()) -> list[Entry]:
     """Noise ratios of the deciding runs before and after, all on one scale.
 
-    `coloured` names the channels whose residual is not white on these runs.
+    `coloured` names the channels whose residual is not white on these runs.  Widths of bars and
+    position of the noise are in per cent of the scale.
     """
     role, errors = deciding_errors(result)
     earlier = (result["errors"]["before"].get(role) or {}) if result["effects"] else {}
@@ -227,12 +189,12 @@ def error_bars(result: Entry, coloured: Sequence[str] = ()) -> list[ErrorBar]:
         if errors.get(channel)
     }
     top = max([1.25, *(ratio for pair in ratios.values() for ratio in pair if ratio is not None)])
-    bars = []
+    bars: list[Entry] = []
     for channel, (before, after) in ratios.items():
         nrmse = errors[channel]["nrmse"]
         tone = _tone(after, channel in coloured)
         bars.append(
-            ErrorBar(
+            dict(
                 channel=channel,
                 role=role,
                 before="" if before is None else number_text(before, 3),

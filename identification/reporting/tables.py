@@ -31,7 +31,6 @@ __all__ = [
     "ErrorRow",
     "FeedbackTable",
     "ParameterRow",
-    "RunLine",
     "error_rows",
     "feedback_tables",
     "parameter_rows",
@@ -66,19 +65,6 @@ class ParameterRow:
     before: Interval | None
     shift: str
     shift_bounds: str = ""
-
-
-@dataclass(frozen=True)
-class RunLine:
-    """One run: its extent, and for each channel fit, noise ratio and p-value of the whiteness."""
-
-    name: str
-    role: str
-    rows: str
-    duration: str
-    temperature: str
-    current: tuple[str, str, str]
-    speed: tuple[str, str, str]
 
 
 @dataclass(frozen=True)
@@ -127,9 +113,21 @@ def parameter_rows(data: ReportData) -> list[ParameterRow]:
     return rows
 
 
-def run_rows(data: ReportData) -> list[RunLine]:
-    """One row per run, in the given order."""
-    return [_run_row(run, data.result["noise"]) for run in data.runs]
+def run_rows(data: ReportData) -> list[Entry]:
+    """Extent of each run, and for each channel fit, noise ratio and p-value of the whiteness."""
+    noise = data.result["noise"]
+    return [
+        dict(
+            name=run.name,
+            role=run.role,
+            rows=count_text(run.time.size),
+            duration=f"{number_text(float(run.time[-1] - run.time[0]), 3)} s",
+            temperature=_temperature_text(run),
+            current=_channel_texts(run, "current", noise["current_A"]),
+            speed=_channel_texts(run, "speed", noise["speed_rad_s"]),
+        )
+        for run in data.runs
+    ]
 
 
 def error_rows(result: Entry) -> list[ErrorRow]:
@@ -224,18 +222,6 @@ def _parameter_row(
         before=entry_text(declared, factor) if declared else None,
         shift=shift[0],
         shift_bounds=shift[1],
-    )
-
-
-def _run_row(run: RunTraces, noise: Entry) -> RunLine:
-    return RunLine(
-        name=run.name,
-        role=run.role,
-        rows=count_text(run.time.size),
-        duration=f"{number_text(float(run.time[-1] - run.time[0]), 3)} s",
-        temperature=_temperature_text(run),
-        current=_channel_texts(run, "current", noise["current_A"]),
-        speed=_channel_texts(run, "speed", noise["speed_rad_s"]),
     )
 
 

@@ -53,7 +53,7 @@ def test_the_verdict_follows_the_noise_ratio(
     changed = with_ratio(result, ratio)
 
     assert verdict in " ".join(summary_sentences(changed))
-    assert error_bars(changed)[0].tone == tone
+    assert error_bars(changed)[0]["tone"] == tone
 
 
 def with_failed_check(result: dict[str, Any], role: str) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def test_a_good_ratio_with_a_coloured_residual_is_reported(result: dict[str, Any
 
     assert "does not exceed the sensor noise" not in told
     assert "the residual of the speed is not white" in told
-    assert error_bars(result, coloured=["speed"])[1].tone == "fair"
+    assert error_bars(result, coloured=["speed"])[1]["tone"] == "fair"
 
 
 def test_validation_runs_decide_the_verdict(result: dict[str, Any]) -> None:
@@ -169,9 +169,9 @@ def test_errors_of_a_role_without_runs_have_no_row(result: dict[str, Any]) -> No
 def test_a_run_is_rated_by_the_noise_it_was_made_with() -> None:
     """The simulation is exact, so the noise ratio is 1 and the residual is white."""
     for row in run_rows(make_report(rows=4000)):
-        assert float(row.current[1]) == pytest.approx(1.0, abs=0.06)
-        assert float(row.speed[1]) == pytest.approx(1.0, abs=0.06)
-        assert float(row.speed[2].removeprefix("< ")) > 0.001
+        assert float(row["current"][1]) == pytest.approx(1.0, abs=0.06)
+        assert float(row["speed"][1]) == pytest.approx(1.0, abs=0.06)
+        assert float(row["speed"][2].removeprefix("< ")) > 0.001
 
 
 def test_a_copy_of_a_training_run_does_not_count_as_validation(result: dict[str, Any]) -> None:
@@ -289,19 +289,19 @@ def test_an_effect_is_shown_with_its_evidence() -> None:
     """The tile has the estimates of the missing torque and the fall of both squared errors."""
     (tile,) = effect_tiles(make_report(rows=300, with_effect=True))
 
-    assert tile.term is not None
-    assert tile.term.effect == "coulomb_friction"
-    assert dict(tile.evidence) == {
+    assert tile["term"] is not None
+    assert tile["term"].effect == "coulomb_friction"
+    assert dict(tile["evidence"]) == {
         "Squared error, training": "−93 %",
         "Squared error, validation": "−92 %",
     }
-    assert tile.alternatives == "viscous temperature 0.9 %"
+    assert tile["alternatives"] == "viscous temperature 0.9 %"
 
 
 def test_errors_before_and_after_share_one_scale() -> None:
     """Ratios 4.2 before and 1.0 after: the longest bar is full, the other 1 / 4.2 of it."""
     for bar in error_bars(make_report(rows=300, with_effect=True).result):
-        before, after, noise = bar.widths
+        before, after, noise = bar["widths"]
 
         assert before == 100.0
         assert after == noise == pytest.approx(100 / 4.2, abs=0.1)
