@@ -28,7 +28,7 @@ from identification.design.criteria import Separation, information_bits, narrowe
 from identification.design.limits import peaks, within
 from identification.design.models import time_constants
 from identification.design.profiles import Profile, library
-from identification.design.response import Conditions, Predictor, Response
+from identification.design.response import Predictor, Response
 from identification.design.task import Task
 from identification.errors import ComputationError
 
@@ -92,14 +92,10 @@ class Designer:
     def predictors(self) -> tuple[Predictor, ...]:
         """Simulation with each model."""
         task = self.task
-        conditions = Conditions(
-            task.interval, task.noise, task.earlier, task.hottest, task.limits.load
-        )
         period = max(2, round(task.rows / 10))
         square = np.where(np.arange(task.rows) // period % 2 == 0, 1.0, -1.0)
         return tuple(
-            Predictor.prepared(model, task.limits.voltage * square, conditions)
-            for model in task.models
+            Predictor.prepared(model, task.limits.voltage * square, task) for model in task.models
         )
 
     def draws(self, count: int) -> list[Array]:

@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from identification.arrays import Array
 from identification.design.limits import UNITS, Limits, limits_of
 from identification.design.models import DesignModel, models_of, nameplate_models, time_constants
 from identification.design.quantity import Quantity, quantity_of
+from identification.design.response import Conditions
 from identification.errors import InputError, OptionError
 from identification.nameplate import nameplate_of
 from identification.speed_loop.spread import checked_temperatures
@@ -64,8 +64,8 @@ class DesignOptions:
             checked_temperatures(self.temperatures)
 
 
-@dataclass(frozen=True)
-class Task:
+@dataclass(frozen=True, kw_only=True)
+class Task(Conditions):
     """What a run is designed for."""
 
     models: tuple[DesignModel, ...]
@@ -76,18 +76,10 @@ class Task:
     """Quantity to narrow; None for all parameters."""
     limits: Limits
     rows: int
-    interval: float
-    """Sample interval [s]."""
     temperatures: tuple[float, ...]
     """Temperatures to choose from [degC]."""
-    noise: Array
-    """(2,) standard deviations of current and speed [A, rad/s]."""
     seed: int = 0
     """Seed of candidates and draws."""
-    earlier: int = 0
-    """Number of runs recorded before."""
-    hottest: float = -np.inf
-    """Highest temperature of these runs [degC]."""
 
     @property
     def duration(self) -> float:
@@ -97,8 +89,7 @@ class Task:
     @property
     def loads(self) -> tuple[float, ...]:
         """Load torques to choose from, besides none [N m]."""
-        largest = self.limits.load
-        return tuple(share * largest for share in (-1.0, -0.5, 0.5, 1.0)) if largest else ()
+        return tuple(share * self.load for share in (-1.0, -0.5, 0.5, 1.0)) if self.load else ()
 
 
 def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
@@ -128,11 +119,13 @@ def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
     rows, interval = _grid(options, float(np.median(rates)), float(np.median(spans)))
     controllers = (result.get("options") or {}).get("controllers") or ["P:1"]
     peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
+    limits = _limits(options, known)
     return Task(
         models=tuple(models),
         are_rivals=len(models) > 1,
         quantity=quantity_of(options.narrow, models[0], controllers[0]) if options.narrow else None,
-        limits=_limits(options, known),
+        limits=limits,
+        load=limits.load,
         rows=rows,
         interval=interval,
         temperatures=tuple(options.temperatures) or _logged_temperatures(ranges),
@@ -163,11 +156,13 @@ def task_of_nameplate(text: str, options: DesignOptions) -> Task:
     slow = max(time_constants([one])[1] for one in models)
     rows, interval = _grid(options, 1000.0, max(10.0 * slow, 2.0))
     known = {"voltage": plate.voltage, "current": stall, "speed": _OVERSPEED * speed}
+    limits = _limits(options, known)
     return Task(
         models=tuple(models),
         are_rivals=False,
         quantity=quantity_of(options.narrow, models[1], "P:1") if options.narrow else None,
-        limits=_limits(options, known),
+        limits=limits,
+        load=limits.load,
         rows=rows,
         interval=interval,
         temperatures=tuple(options.temperatures) or (25.0,),

@@ -222,8 +222,7 @@ def _chopped(
     """
     rows, applied = drive
     highest, largest = limits
-    x, u, p = (ca.SX.sym(name, size) for name, size in
-               (("x", state.numel()), ("u", len(INPUTS)), ("p", parameter.numel())))  # fmt: skip
+    x, u, p = model.symbols()
     rate = model.rates(x, u, p)[0]
     linear = ca.Function(
         "electrical",

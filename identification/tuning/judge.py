@@ -76,7 +76,6 @@ class Judge:
     specification: Specification
     temperatures: list[float]
     step: float
-    anti_windup: bool = True
 
     def of(self, motor: UncertainMotor, temperatures: list[float] | None = None) -> Judge:
         """The same judge for other draws or temperatures."""
@@ -140,7 +139,7 @@ class Judge:
 
     def responses(self, gains: Array, samples: int, reference: float = 0.0) -> list[Response]:
         """Step responses of one controller, for each temperature, with every draw."""
-        drive = Drive(self.motor, self.specification, anti_windup=self.anti_windup)
+        drive = Drive(self.motor, self.specification)
         return drive.responses(gains, reference or self.step, self.temperatures, samples)
 
     def _simulated(self, motors: UncertainMotor, gains: Array, samples: int) -> dict[str, Array]:
@@ -153,7 +152,7 @@ class Judge:
         for first in range(0, motors.count, block):
             lanes = slice(first, first + block)
             some = replace(motors, values=motors.values[:, lanes])
-            drive = Drive(some, self.specification, anti_windup=self.anti_windup)
+            drive = Drive(some, self.specification)
             found = drive.responses(gains[:, lanes], self.step, self.temperatures, samples)
             each = [_metrics(one, self.step, gains[:, lanes]) for one in found]
             parts.append({name: np.stack([one[name] for one in each]) for name in each[0]})

@@ -70,7 +70,8 @@ def searched(judge: Judge, kind: str, probability: float) -> Array:
 
     The fraction `probability` of the draws shall meet the specification.
     """
-    temperatures = _ends_and_middle(judge.temperatures)
+    count = len(judge.temperatures)
+    temperatures = [judge.temperatures[k] for k in sorted({0, count // 2, count - 1})]
     few, more = (judge.of(judge.motor.thinned(n), temperatures) for n in _DRAWS)
     gains = _rounded(_candidates(judge, kind))
     gains = _with_margins(few, gains, probability)
@@ -83,11 +84,6 @@ def searched(judge: Judge, kind: str, probability: float) -> Array:
                 break
     best = _best(judge.of(judge.motor, temperatures), best, probability, _FINAL)
     return np.asarray(best[:, 0])
-
-
-def _ends_and_middle(temperatures: list[float]) -> list[float]:
-    kept = sorted({0, len(temperatures) // 2, len(temperatures) - 1})
-    return [temperatures[k] for k in kept]
 
 
 def _candidates(judge: Judge, kind: str) -> Array:

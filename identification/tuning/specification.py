@@ -19,6 +19,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.errors import OptionError
 from identification.numerals import decimal_of
+from identification.result.entries import finite_or_null
 
 __all__ = ["METRICS", "Metric", "Specification", "parse_specification"]
 
@@ -134,10 +135,8 @@ class Specification:
 
     def content(self) -> dict[str, float | None]:
         """Values by name; null for a requirement or limit that is not made."""
-        return {
-            name: value if value is not None and math.isfinite(value) else None
-            for name, value in asdict(self).items()
-        }
+        values: dict[str, float | None] = finite_or_null(asdict(self))
+        return values
 
 
 def parse_specification(text: str | Mapping[str, float]) -> Specification:

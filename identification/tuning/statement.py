@@ -12,15 +12,6 @@ __all__ = ["statement"]
 
 _LEAST_RISE: Final = 0.02
 
-LABELS: Final = {
-    "rise_time": "rise time",
-    "settling_time": "settling time",
-    "overshoot": "overshoot",
-    "steady_error": "steady error",
-    "gain_margin": "gain margin",
-    "phase_margin": "phase margin",
-}
-
 
 def statement(
     entry: Mapping[str, Any], probability: float, step: float, reach: float | None
@@ -39,7 +30,7 @@ def _judgement(
     entry: Mapping[str, Any], probability: float, step: float, reach: float | None
 ) -> list[str]:
     worst = entry["worst"]
-    label = LABELS[worst["metric"]]
+    label = worst["metric"].replace("_", " ")
     share = f"{100 * entry['probability']:.3g} %"
     if entry["meets"]:
         first = f"{entry['controller']} meets the specification in {share} of the draws"

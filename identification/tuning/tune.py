@@ -130,27 +130,14 @@ def _entry(
     judge: Judge, controller: tuple[str, Array], probability: float, reach: float | None
 ) -> dict[str, Any]:
     """Entry of one controller: its judgement, what is to blame, limit cycles and responses."""
-    gains = controller[1]
-    samples, found = _long_enough(judge, gains)
-    entry = _judgement(judge, controller, found, probability)
-    entry["hunting"] = hunting(judge, gains, samples)
-    is_certain = entry["probability"] == 1.0
-    entry["blame"] = [] if is_certain else blamed(judge, gains, samples, probability)
-    entry["responses"] = _bands(judge, gains, samples)
-    return entry | {"statement": statement(entry, probability, judge.step, reach)}
-
-
-def _judgement(
-    judge: Judge, controller: tuple[str, Array], found: Judgement, probability: float
-) -> dict[str, Any]:
     text, gains = controller
-    of_draws = found.of_draws[0]
-    share = float(found.probability[0])
+    samples, found = _long_enough(judge, gains)
+    of_draws, share = found.of_draws[0], float(found.probability[0])
     met = int(round(share * of_draws.size))
     # Jeffreys' interval of a proportion.
     low, high = beta.ppf([0.05, 0.95], met + 0.5, of_draws.size - met + 0.5)
     slack = float(slack_at(of_draws, probability))
-    return {
+    entry = {
         "controller": text,
         "gains": dict(zip(GAINS, map(float, gains), strict=True)),
         "meets": share >= probability,
@@ -161,7 +148,11 @@ def _judgement(
         "worst": _worst(judge, found, probability),
         "temperatures": _by_temperature(judge, found),
         "limit_active_probability": float(found.limited[0].any(axis=0).mean()),
+        "hunting": hunting(judge, gains, samples),
+        "blame": [] if share == 1.0 else blamed(judge, gains, samples, probability),
+        "responses": _bands(judge, gains, samples),
     }
+    return entry | {"statement": statement(entry, probability, judge.step, reach)}
 
 
 def _long_enough(judge: Judge, gains: Array) -> tuple[int, Judgement]:
