@@ -1,21 +1,7 @@
 """Results table of a batch: one row per motor, as CSV, JSON or Parquet.
 
-NAME                        median of the parameter, in its unit
-NAME_sd, NAME_q05, NAME_q95 its standard deviation and 90 % interval
-NAME_identified             whether the data identify it
-NAME_drift                  median minus that of the previous refit
-NAME_drift_relative         drift over the magnitude of the previous median
-NAME_drift_sds              drift over the combined standard deviation
-NAME_drift_probability      p-value of the drift, adjusted over the whole table
-NAME_drift_significant      whether the adjusted p-value is at most 0.05
-drift_cause                 most probable cause of the change of the motor
-NAME_pooled, NAME_pooled_q05, NAME_pooled_q95
-                            median and 90 % interval with the other motors of the type, only for
-                            the temperature coefficients
-
-`identification.fleet.drift` and `identification.fleet.pooling` describe the statistics.
-
-A second table has a row per motor and pooled quantity, effect sizes included.  An
+docs/batch.md explains the columns, `identification.fleet.drift` and `identification.fleet.pooling`
+the statistics.  A second table has a row per motor and pooled quantity, effect sizes included.  An
 unknown cell is empty or null.
 """
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from identification.result.numbers import (
@@ -19,7 +18,6 @@ from identification.result.numbers import (
 
 __all__ = [
     "METRICS",
-    "LoopComparison",
     "MetricRow",
     "cold_and_hot",
     "is_left_open",
@@ -56,24 +54,11 @@ _WIDE: Final = 0.2
 """Relative width of the 90 % interval above which a closed-loop figure is no prediction [-]."""
 
 
-@dataclass(frozen=True)
-class LoopComparison:
-    """Metrics of one controller: for each temperature, one column per model."""
+def loop_comparisons(result: Entry) -> list[Entry]:
+    """Metrics of each controller, at each temperature a column for each model (`ways`).
 
-    controller: str
-    """Controller as the user wrote it."""
-    temperatures: tuple[str, ...]
-    """Headings of the groups of columns."""
-    ways: tuple[str, ...]
-    """Headings of the columns in each group."""
-    rows: tuple[MetricRow, ...]
-    """Label, unit and cells of each metric, group after group."""
-    remark: str
-    """Note on the simulated loops: the step and the effects; empty if there are none."""
-
-
-def loop_comparisons(result: Entry) -> list[LoopComparison]:
-    """One comparison per controller; empty if only one model has metrics."""
+    Empty if only one model has metrics.
+    """
     labels = {key: words for key, words in _LABELS.items() if result.get(key)}
     if len(labels) < 2:
         return []
@@ -81,7 +66,7 @@ def loop_comparisons(result: Entry) -> list[LoopComparison]:
     return [_comparison(controller, result, labels) for controller in controllers]
 
 
-def _comparison(controller: str, result: Entry, labels: Mapping[str, str]) -> LoopComparison:
+def _comparison(controller: str, result: Entry, labels: Mapping[str, str]) -> Entry:
     found = {
         key: {
             float(entry["temperature_degC"]): entry
@@ -99,7 +84,7 @@ def _comparison(controller: str, result: Entry, labels: Mapping[str, str]) -> Lo
         known = [entry for entry in entries if entry is not None]
         if any(metric_text(entry).median != UNKNOWN for entry in known):
             rows.append(metric_row(label, entries))
-    return LoopComparison(
+    return dict(
         controller=controller,
         temperatures=tuple(f"{t:g} °C" for t in temperatures),
         ways=tuple(labels[key] for key in kept),

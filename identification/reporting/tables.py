@@ -227,10 +227,11 @@ def _parameter_row(
 
 def _channel_texts(run: RunTraces, channel: str, noise: float | None) -> tuple[str, str, str]:
     test, errors = channel_whiteness(run, channel), channel_errors(run, channel)
+    p = UNKNOWN if test is None else "< 0.001" if test.p_value < 0.001 else f"{test.p_value:.3f}"
     return (
         percent_text(1.0 - errors.nrmse, 4) if errors else UNKNOWN,
         number_text(errors.rmse / noise if errors and noise else None, 3),
-        _probability(test.p_value) if test else UNKNOWN,
+        p,
     )
 
 
@@ -239,10 +240,6 @@ def _temperature_text(run: RunTraces) -> str:
         return "not logged"
     low, high = np.nanmin(run.temperature), np.nanmax(run.temperature)
     return f"{low:.0f} °C" if high - low < 1.0 else f"{low:.0f}–{high:.0f} °C"
-
-
-def _probability(value: float) -> str:
-    return "< 0.001" if value < 0.001 else f"{value:.3f}"
 
 
 def _error_texts(entry: Entry) -> tuple[str, str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,27 +37,14 @@ _SHORTEST = 8
 """Shortest segment that is used [samples]; shorter ones carry no information on lags."""
 
 
-@dataclass(frozen=True, eq=False)
-class ResidualCheck:
+class ResidualCheck(NamedTuple):
     """Residual correlations of one channel over all runs of one role."""
 
     channel: str
     """``current`` or ``speed``."""
-    own: Correlation
-    """Autocorrelation."""
-    voltage: Correlation
-    """Cross-correlation with the voltage."""
-    own_before: Correlation | None
-    """Autocorrelation for the nominal model; None if that is the final model."""
-    voltage_before: Correlation | None
-    """Cross-correlation with the voltage for the nominal model; None if that is the final model."""
-
-    @property
-    def plots(self) -> list[tuple[str, Correlation, Correlation | None]]:
-        """Title, and correlation of the final and of the nominal model, of each plot."""
-        own = f"Autocorrelation of the {self.channel} residual"
-        cross = f"Cross-correlation of the {self.channel} residual with the voltage"
-        return [(own, self.own, self.own_before), (cross, self.voltage, self.voltage_before)]
+    plots: list[tuple[str, Correlation, Correlation | None]]
+    """Title, and correlation of the final and of the nominal model: first the autocorrelation, then
+    the cross-correlation with the voltage.  None if the nominal model is the final one."""
 
 
 def residual_checks(runs: Sequence[RunTraces]) -> list[ResidualCheck]:
@@ -67,18 +54,15 @@ def residual_checks(runs: Sequence[RunTraces]) -> list[ResidualCheck]:
         after = _pieces(runs, channel, "after")
         if not after[0]:
             continue
-        before = None
-        if all(getattr(run, f"before_{channel}") is not None for run in runs):
-            before = _pieces(runs, channel, "before")
-        checks.append(
-            ResidualCheck(
-                channel,
-                autocorrelation(after[0]),
-                cross_correlation(*after),
-                autocorrelation(before[0]) if before else None,
-                cross_correlation(*before) if before else None,
-            )
-        )
+        has_before = all(getattr(run, f"before_{channel}") is not None for run in runs)
+        before = _pieces(runs, channel, "before") if has_before else None
+        own = f"Autocorrelation of the {channel} residual"
+        cross = f"Cross-correlation of the {channel} residual with the voltage"
+        plots = [
+            (own, autocorrelation(after[0]), autocorrelation(before[0]) if before else None),
+            (cross, cross_correlation(*after), cross_correlation(*before) if before else None),
+        ]
+        checks.append(ResidualCheck(channel, plots))
     return checks
 
 
@@ -89,17 +73,13 @@ def coloured_channels(checks: Sequence[ResidualCheck]) -> list[str]:
     not enter.  Over a million samples, a correlation of 0.003 at one lag is significant but
     irrelevant.
     """
-    return [
-        check.channel
-        for check in checks
+    coloured = []
+    for channel, ((_, own, _), _) in checks:
+        count = own.lags.size
         # Survival function of the binomial distribution; scipy.stats takes 0.5 s to import.
-        if bdtrc(
-            round(check.own.outside * check.own.lags.size) - 1,
-            check.own.lags.size,
-            1.0 - check.own.level,
-        )
-        < _CHANCE
-    ]
+        if bdtrc(round(own.outside * count) - 1, count, 1.0 - own.level) < _CHANCE:
+            coloured.append(channel)
+    return coloured
 
 
 def channel_whiteness(run: RunTraces, channel: str) -> Whiteness | None:

@@ -50,7 +50,8 @@ class Margins:
 def stability_margins(loop: Loop) -> Margins:
     """Gain and phase margin of each open loop N / D."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return Margins(_gain_margin(loop), _phase_margin(loop))
+        phase = np.angle(-_open_loop(loop, _gain_crossovers(loop)), deg=True)
+        return Margins(_gain_margin(loop), _nearest_to_zero(phase))
 
 
 def delayed_margins(loop: Loop, delay: float, highest: float) -> Margins:
@@ -106,12 +107,6 @@ def _gain_crossovers(loop: Loop) -> Array:
     return _positive(crossing)
 
 
-def _phase_margin(loop: Loop) -> Array:
-    lead = np.angle(-_open_loop(loop, _gain_crossovers(loop)), deg=True)
-    margin = _nearest_to_zero(lead)
-    return np.where(np.isnan(margin), np.inf, margin)
-
-
 def _gain_margin(loop: Loop) -> Array:
     """Gain margin at the phase crossovers, where Im N conj(D) = 0 and Re N conj(D) < 0.
 
@@ -126,8 +121,7 @@ def _gain_margin(loop: Loop) -> Array:
     at_rest = np.where(loop.open_denominator[:, -1:] == 0, np.nan, 0.0)
     crossings = np.concatenate([at_rest, _positive(phase[:, ::-1])], axis=1)
     value = _open_loop(loop, crossings).real
-    margin = _nearest_to_zero(np.where(value < 0, -20 * np.log10(-value), np.nan))
-    return np.where(np.isnan(margin), np.inf, margin)
+    return _nearest_to_zero(np.where(value < 0, -20 * np.log10(-value), np.nan))
 
 
 def _delayed_gain_margin(loop: Loop, delay: float, highest: float) -> Array:
@@ -152,10 +146,9 @@ def _delayed_gain_margin(loop: Loop, delay: float, highest: float) -> Array:
 
 
 def _nearest_to_zero(candidates: Array) -> Array:
-    """Entry of smallest magnitude in each row; NaN if the row has none."""
-    size = np.where(np.isnan(candidates), np.inf, np.abs(candidates))
-    rows = np.arange(candidates.shape[0])
-    return np.asarray(candidates[rows, size.argmin(axis=1)])
+    """Entry of smallest magnitude in each row; infinite if the row has none."""
+    known = np.where(np.isnan(candidates), np.inf, candidates)
+    return np.asarray(known[np.arange(known.shape[0]), np.abs(known).argmin(axis=1)])
 
 
 def _positive(squared: Array) -> Array:

@@ -66,8 +66,9 @@ def tune(
         specification = specification.with_usual_margins()
     thinned = motor.thinned(_DRAWS)
     reach = _reach(thinned, specification, temperatures)
-    step = _default_step(reach) if step is None else float(step)
-    judge = Judge(thinned, specification, temperatures, step)
+    if step is None:
+        step = _SPEED if reach is None else float(f"{_OF_REACH * reach:.2g}")
+    judge = Judge(thinned, specification, temperatures, float(step))
     if controllers:
         given = [(one.text, gains_of(one)) for one in parse_controllers(controllers)]
     else:
@@ -78,7 +79,7 @@ def tune(
         "schema_version": 1,
         "specification": specification.content(),
         "temperature_degC": temperatures,
-        "step_rad_s": step,
+        "step_rad_s": judge.step,
         "reachable_rad_s": reach,
         "probability": probability,
         "draws": thinned.count,
@@ -120,10 +121,6 @@ def _reach(
         speeds.append(np.median(constant / draws["b"]) * specification.current)
     lowest = float(np.nanmin(speeds))
     return lowest if np.isfinite(lowest) else None
-
-
-def _default_step(reach: float | None) -> float:
-    return _SPEED if reach is None else float(f"{_OF_REACH * reach:.2g}")
 
 
 def _entry(

@@ -22,19 +22,19 @@ def test_each_temperature_has_a_column_for_each_model(result: dict[str, Any]) ->
     """Three models at 25 and 125 degC give six cells per metric."""
     (comparison,) = loop_comparisons(result)
 
-    assert comparison.temperatures == ("25 °C", "125 °C")
-    assert comparison.ways == ("nominal model", "final model", "final model, effects simulated")
-    assert {len(cells) for _, _, cells in comparison.rows} == {6}
-    assert comparison.rows[0][0] == "Rise time, 10–90 %"
+    assert comparison["temperatures"] == ("25 °C", "125 °C")
+    assert comparison["ways"] == ("nominal model", "final model", "final model, effects simulated")
+    assert {len(cells) for _, _, cells in comparison["rows"]} == {6}
+    assert comparison["rows"][0][0] == "Rise time, 10–90 %"
 
 
 def test_the_step_of_the_simulation_is_stated(result: dict[str, Any]) -> None:
     """The remark names the step of 28 rad/s and the simulated effect."""
     (comparison,) = loop_comparisons(result)
 
-    assert "28 rad/s" in comparison.remark
-    assert "at 25 °C the speed settles" in comparison.remark
-    assert "coulomb friction" in comparison.remark
+    assert "28 rad/s" in comparison["remark"]
+    assert "at 25 °C the speed settles" in comparison["remark"]
+    assert "coulomb friction" in comparison["remark"]
 
 
 def test_a_clean_motor_has_nothing_to_compare(result: dict[str, Any]) -> None:
@@ -51,8 +51,8 @@ def test_effects_of_the_log_leave_two_columns(result: dict[str, Any]) -> None:
 
     (comparison,) = loop_comparisons(result)
 
-    assert comparison.ways == ("nominal model", "final model")
-    assert comparison.remark == ""
+    assert comparison["ways"] == ("nominal model", "final model")
+    assert comparison["remark"] == ""
 
 
 def test_infinite_margin_is_not_shown_as_a_dash() -> None:

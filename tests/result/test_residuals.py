@@ -40,8 +40,8 @@ def test_a_nominal_model_is_checked_only_if_it_differs() -> None:
     """`before` exists for the motor with an effect only."""
     clean, told = (make_report(rows=500, with_effect=effect).runs for effect in (False, True))
 
-    assert [check.own_before for check in residual_checks(clean)] == [None, None]
-    assert all(check.own_before is not None for check in residual_checks(told))
+    assert [check.plots[0][2] for check in residual_checks(clean)] == [None, None]
+    assert all(check.plots[0][2] is not None for check in residual_checks(told))
 
 
 def test_samples_that_were_not_used_do_not_count(run: RunTraces) -> None:
@@ -63,8 +63,8 @@ def test_both_sides_of_a_pause_are_separate_runs(run: RunTraces) -> None:
     late[1500:] += 9.0
     pulsed = replace(run, measured_speed=flat, after_speed=np.zeros_like(flat))
 
-    glued = residual_checks([pulsed])[1].own.values[0]
-    apart = residual_checks([replace(pulsed, time=late)])[1].own.values[0]
+    glued = residual_checks([pulsed])[1].plots[0][1].values[0]
+    apart = residual_checks([replace(pulsed, time=late)])[1].plots[0][1].values[0]
 
     assert glued == pytest.approx(0.5)
     assert apart == pytest.approx(0.0, abs=1e-12)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.arrays import Array
 from identification.reporting.svg import Frame, path, svg, text, tick_words
@@ -32,7 +31,7 @@ def corner_figure(posterior: PosteriorChain) -> str:
     """
     names, units = posterior.names[:MOST_PARAMETERS], posterior.units[:MOST_PARAMETERS]
     draws = posterior.chain.reshape(-1, posterior.chain.shape[2])[:, : len(names)]
-    draws = draws[_spread_rows(draws.shape[0], 20_000)]
+    draws = draws[np.unique(np.linspace(0, len(draws) - 1, min(len(draws), 20_000)).astype(int))]
     powers = [
         unit_power(float(np.max(np.abs(np.quantile(column, (0.05, 0.95)))))) for column in draws.T
     ]
@@ -145,7 +144,3 @@ def _ticks_across(frame: Frame) -> list[tuple[float, str]]:
             return [inside[0], inside[-1]]
         single = single or inside[:1]
     return single
-
-
-def _spread_rows(size: int, most: int) -> NDArray[np.int_]:
-    return np.unique(np.linspace(0, size - 1, min(size, most)).astype(np.int_))
