@@ -41,10 +41,6 @@ class DesignModel:
     label: str
     """Effect type in which it differs; empty for the final model."""
     model: MotorModel
-    names: tuple[str, ...]
-    """(n_parameter,) names."""
-    units: tuple[str, ...]
-    """(n_parameter,) units."""
     estimate: Array
     """(n_parameter,) physical values."""
     logarithmic: NDArray[np.bool_]
@@ -57,6 +53,11 @@ class DesignModel:
     """Posterior probability [-]."""
     fraction: float = 1.0
     """Independent samples per sample [-]."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(n_parameter,) names."""
+        return tuple(parameter.name for parameter in self.model.parameters)
 
     @property
     def slopes(self) -> Array:
@@ -109,14 +110,9 @@ def models_of(result: Mapping[str, Any]) -> list[DesignModel]:
 def _model(entry: Mapping[str, Any]) -> DesignModel:
     model = MotorModel(tuple(term_of(term) for term in entry["terms"]), entry["hold"])
     parameters = entry["parameters"]
-    names = tuple(parameter["name"] for parameter in parameters)
-    if names != tuple(parameter.name for parameter in model.parameters):
-        raise ValueError("the parameters do not match the terms")
     found = DesignModel(
         label=entry["name"] or "",
         model=model,
-        names=names,
-        units=tuple(parameter["unit"] for parameter in parameters),
         estimate=np.array([float(parameter["estimate"]) for parameter in parameters]),
         logarithmic=np.array([parameter["search"] == "log" for parameter in parameters]),
         scale=np.array([float(parameter["scale"]) for parameter in parameters]),
@@ -124,7 +120,9 @@ def _model(entry: Mapping[str, Any]) -> DesignModel:
         probability=float(entry["odds"]),
         fraction=float(entry["effective_fraction"]),
     )
-    if found.covariance.shape != (len(names), len(names)):
+    if tuple(parameter["name"] for parameter in parameters) != found.names:
+        raise ValueError("the parameters do not match the terms")
+    if found.covariance.shape != (len(parameters), len(parameters)):
         raise ValueError(f"the covariance has the shape {found.covariance.shape}")
     if not (np.isfinite(found.covariance).all() and np.isfinite(found.estimate).all()):
         raise ValueError("a number is not finite")
@@ -163,8 +161,6 @@ def nameplate_models(plate: Nameplate, stall_current: float) -> list[DesignModel
             DesignModel(
                 label=f"mechanical time constant {1e3 * constant:g} ms",
                 model=model,
-                names=tuple(parameter.name for parameter in model.parameters),
-                units=tuple(parameter.unit for parameter in model.parameters),
                 estimate=np.array([values[p.name] for p in model.parameters]),
                 logarithmic=np.array([p.name in sd for p in model.parameters]),
                 scale=np.array([1.0 if p.name in sd else p.scale for p in model.parameters]),

@@ -98,8 +98,13 @@ def summary(proposal: Proposal) -> list[str]:
             f"Load the shaft with {best.load:.4g} N m against positive speed between the two "
             "pauses; the fit finds the load by itself."
         )
-    if proposal.separation is not None:
-        sentences.append(_separation_sentence(proposal))
+    if (split := proposal.separation) is not None:
+        names = [" + ".join(term.name for term in one.model.terms) for one in task.models]
+        sentences.append(
+            f"Purpose: tell {' from '.join(names)}. Expected gain: {split.least_bits:.2f} to "
+            f"{split.most_bits:.2f} bits; the wrong one remains more probable with a probability "
+            f"of at most {max(split.wrong, _LEAST_WRONG):.2g}."
+        )
     quantity = task.quantity
     chosen = [quantity] if quantity else _widest(proposal)
     for one in chosen:
@@ -112,17 +117,6 @@ def summary(proposal: Proposal) -> list[str]:
     if not quantity:
         sentences.append(f"Expected information on the parameters: {proposal.bits[0]:.1f} bits.")
     return sentences
-
-
-def _separation_sentence(proposal: Proposal) -> str:
-    task, split = proposal.task, proposal.separation
-    assert split is not None
-    names = [" + ".join(term.name for term in one.model.terms) for one in task.models]
-    return (
-        f"Purpose: tell {' from '.join(names)}. Expected gain: {split.least_bits:.2f} to "
-        f"{split.most_bits:.2f} bits; the wrong one remains more probable with a probability of at "
-        f"most {max(split.wrong, _LEAST_WRONG):.2g}."
-    )
 
 
 def _parameters(proposal: Proposal) -> list[Quantity]:

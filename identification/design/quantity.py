@@ -81,7 +81,7 @@ def parameter_quantity(name: str, model: DesignModel) -> Quantity:
     gradient = np.zeros(len(model.names))
     gradient[k] = model.slopes[k]
     value, is_log = float(model.estimate[k]), bool(model.logarithmic[k])
-    return Quantity(name, model.units[k], value, gradient, is_log)
+    return Quantity(name, model.model.parameters[k].unit, value, gradient, is_log)
 
 
 def _metric(

@@ -18,7 +18,7 @@ from identification.quantities import DECLARED_PARAMETERS
 from identification.reporting.svg import Frame, span, svg, text, tick_words
 from identification.result.numbers import interval_text, number_text, scaled_unit, unit_power
 
-__all__ = ["Mark", "fleet_figure", "marks_of"]
+__all__ = ["Mark", "fleet_figure", "framed", "marks_of"]
 
 _LEFT, _WIDTH, _TOP = 84.0, 802.0, 10.0
 _LEVELS, _CHANGES, _GAP = 190.0, 120.0, 26.0
@@ -123,7 +123,7 @@ def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: 
     frame = Frame(box, (0.0, 1.0), span(scaled(low), scaled(high)))
     words = _decade_words(*frame.y_range) if is_log else tick_words(*frame.y_range)
     label = f"{name} [{scaled_unit(unit, power)}]"
-    body = _frame(frame, words, label)
+    body = framed(frame, words, label)
     if spread.median is not None and (not is_log or spread.median > 0.0):
         at = float(frame.y(scaled(np.array([spread.median])))[0])
         body += f'<path class="zero" d="M{_LEFT:.1f} {at:.1f}H{_LEFT + _WIDTH:.1f}"/>'
@@ -158,7 +158,7 @@ def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: fl
     limits = span((middle - half) * factor, (middle + half) * factor, [0.0])
     frame = Frame((_LEFT, top, _WIDTH, _CHANGES), (0.0, 1.0), limits)
     shown = "%" if is_relative else scaled_unit(unit, unit_power(largest))
-    body = _frame(frame, tick_words(*limits, 4), f"change [{shown}]")
+    body = framed(frame, tick_words(*limits, 4), f"change [{shown}]")
     zero = float(frame.y(0.0))
     body += f'<path class="zero" d="M{_LEFT:.1f} {zero:.1f}H{_LEFT + _WIDTH:.1f}"/>'
     loud = [mark.is_significant for mark in marks]
@@ -166,15 +166,17 @@ def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: fl
     return body + _bars(across, low, frame.y(middle * factor), high, loud)
 
 
-def _frame(frame: Frame, words: Sequence[tuple[float, str]], label: str) -> str:
+def framed(
+    frame: Frame, words: Sequence[tuple[float, str]], label: str, below: str = "", at: float = 12
+) -> str:
+    """Frame with the grid, tick labels and label of its vertical axis, and what stands below it."""
     left, top, width, height = frame.box
     parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
     for value, word in words:
-        at = float(frame.y(value))
-        parts.append(f'<path class="grid" d="M{left:.1f} {at:.1f}H{left + width:.1f}"/>')
-        parts.append(text(left - 6, at + 4, word, "tick end"))
-    parts.append(text(12, top + height / 2, label, "label mid", turned=True))
-    return "".join(parts)
+        y = float(frame.y(value))
+        parts.append(f'<path class="grid" d="M{left:.1f} {y:.1f}H{left + width:.1f}"/>')
+        parts.append(text(left - 6, y + 4, word, "tick end"))
+    return "".join([*parts, below, text(at, top + height / 2, label, "label mid", turned=True)])
 
 
 def _decade_words(low: float, high: float) -> list[tuple[float, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.fleet.drift import Drift
+from identification.fleet.figure import framed
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
 from identification.reporting.svg import Frame, path, span, svg, text, tick_words
@@ -42,7 +43,13 @@ def history_figure(
     power = unit_power(float(np.abs([low, high]).max()))
     scale = 10.0**-power
     frame = Frame(_BOX, (-0.5, len(refits) - 0.5), span(scale * low, scale * high, margin=0.12))
-    body = _axes(frame, f"{name} [{scaled_unit(unit, power)}]", labels)
+    # A text at each fit, or at some of many.
+    below = "".join(
+        text(float(frame.x(index)), _BOX[1] + _BOX[3] + 14, labels[index], "tick mid")
+        for index in range(0, len(labels), -(-len(labels) // _MOST_LABELS))
+    )
+    words = tick_words(*frame.y_range, 4)
+    body = framed(frame, words, f"{name} [{scaled_unit(unit, power)}]", below, at=15)
     across = frame.x(places)
     body += path(across, frame.y(scale * middle), "zero")
     for at, x, bottom, centre, top in zip(
@@ -58,18 +65,3 @@ def history_figure(
         f"{number_text(float(middle[-1]))} {unit}, medians with 90 % intervals."
     )
     return svg(460, 190, f"{name} over the fits", described, body)
-
-
-def _axes(frame: Frame, label: str, words: Sequence[str]) -> str:
-    """Frame with a text at each fit, or at some of many."""
-    left, top, width, height = frame.box
-    bottom = top + height
-    parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
-    for value, word in tick_words(*frame.y_range, 4):
-        at = float(frame.y(value))
-        parts.append(f'<path class="grid" d="M{left:.1f} {at:.1f}H{left + width:.1f}"/>')
-        parts.append(text(left - 6, at + 4, word, "tick end"))
-    for index in range(0, len(words), -(-len(words) // _MOST_LABELS)):
-        parts.append(text(float(frame.x(index)), bottom + 14, words[index], "tick mid"))
-    parts.append(text(15, top + height / 2, label, "label mid", turned=True))
-    return "".join(parts)

@@ -44,10 +44,9 @@ class Warnings:
 
 def warning_groups(result: Entry) -> list[Warnings]:
     """Warnings by severity, most important first; without details a warning is a ``warning``."""
-    texts = [str(text) for text in result["warnings"]]
     details: Sequence[Entry] = result.get("warning_details") or ()
     found: dict[str, list[WarningItem]] = {severity: [] for severity in _TITLES}
-    for place, text in enumerate(texts):
+    for place, text in enumerate(map(str, result["warnings"])):
         detail = details[place] if place < len(details) else {}
         severity, fix = str(detail.get("severity", "")), str(detail.get("fix", ""))
         message = text.replace(f"; {fix}", "", 1) if fix else text

@@ -69,23 +69,13 @@ def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -
 def step_figure(steps: Sequence[StepResponse]) -> str:
     """Step responses of one controller at all temperatures, each with its band and its label."""
     coldest_first = sorted(steps, key=lambda step: step.temperature_degC)
-    factor, unit = unit_prefix("s", [max(float(step.time[-1]) for step in steps)])
     kinds = _temperature_kinds([step.temperature_degC for step in coldest_first])
-    lines, bands = [], []
-    for step, kind in zip(coldest_first, kinds, strict=True):
-        time = factor * step.time
-        bands.append(Band(kind, time, step.q05, step.q95))
-        lines.append(Line(f"{step.temperature_degC:g} °C", kind, time, step.median))
-        if step.simulated is not None:
-            label = f"{step.temperature_degC:g} °C with effects"
-            lines.append(Line(label, kind, time, step.simulated, "dashed"))
+    named = [(f"{step.temperature_degC:g} °C", step) for step in coldest_first]
     described = "; ".join(
-        f"{step.temperature_degC:g} °C settles at {number_text(float(step.median[-1]))}"
-        for step in coldest_first
+        f"{label} settles at {number_text(float(step.median[-1]))}" for label, step in named
     )
-    labels = (f"time after the step [{unit}]", "speed / reference")
     title = f"Step responses with {steps[0].controller}"
-    return chart(title, described + ".", labels, lines, bands)
+    return _step_chart(title, described + ".", named, kinds)
 
 
 def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
@@ -93,16 +83,27 @@ def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
 
     The first one has the colour of the nominal model.
     """
-    factor, unit = unit_prefix("s", [float(step.time[-1]) for step in (first, second)])
-    lines, bands = [], []
-    for label, step, kind in (("first", first, "before"), ("second", second, "after")):
-        bands.append(Band(kind, factor * step.time, step.q05, step.q95))
-        lines.append(Line(label, kind, factor * step.time, step.median))
     described = (
         f"The first fit settles at {number_text(float(first.median[-1]))}, the second at "
         f"{number_text(float(second.median[-1]))}."
     )
     title = f"Step responses with {first.controller} at {first.temperature_degC:g} °C"
+    return _step_chart(
+        title, described, [("first", first), ("second", second)], ("before", "after")
+    )
+
+
+def _step_chart(
+    title: str, described: str, named: Sequence[tuple[str, StepResponse]], kinds: Sequence[str]
+) -> str:
+    factor, unit = unit_prefix("s", [float(step.time[-1]) for _, step in named])
+    lines, bands = [], []
+    for (label, step), kind in zip(named, kinds, strict=True):
+        time = factor * step.time
+        bands.append(Band(kind, time, step.q05, step.q95))
+        lines.append(Line(label, kind, time, step.median))
+        if step.simulated is not None:
+            lines.append(Line(f"{label} with effects", kind, time, step.simulated, "dashed"))
     labels = (f"time after the step [{unit}]", "speed / reference")
     return chart(title, described, labels, lines, bands)
 
