@@ -49,11 +49,8 @@ class Quantity:
 def quantity_of(text: str, model: DesignModel, controller: str) -> Quantity:
     """The quantity that a user names.
 
-    Args:
-        text: Name of a parameter of the final model, such as ``Ra25`` or
-            ``coulomb_friction.torque``, or METRIC@TEMPERATURE, such as ``rise_time_s@125``.
-        model: Final model.
-        controller: Controller of the feedback metrics, such as ``P:1``.
+    It is a parameter of the final model, such as ``coulomb_friction.torque``, or a feedback metric
+    METRIC@TEMPERATURE with a controller, such as ``rise_time_s@125`` with ``P:1``.
 
     Raises:
         OptionError: There is no such quantity, or the loop does not define it.

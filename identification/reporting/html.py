@@ -9,13 +9,15 @@ the policy of the page for an HTTP header.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 from jinja2 import Environment
 from markupsafe import Markup
 
+from identification.reporting.columns import stored_runs
 from identification.reporting.figures import curves
 from identification.reporting.figures.chart import script_json
 from identification.reporting.figures.corner import MOST_PARAMETERS, corner_figure
@@ -36,7 +38,6 @@ from identification.reporting.tables import (
     run_rows,
     sampler_rows,
 )
-from identification.reporting.traces import run_payloads
 from identification.reporting.warnings import warning_groups
 from identification.result.attempts import Attempts, figure
 from identification.result.entries import finite_or_null
@@ -46,6 +47,9 @@ from identification.result.residuals import ResidualCheck, coloured_channels, re
 __all__ = ["content_security_policy", "render_report"]
 
 _SCRIPTS = ("vendor/uPlot.iife.min.js", "report.js")
+_Panel = dict[str, Any]
+"""Plot of a run: the stored columns that share one time axis."""
+
 _RUNS_HERE = Markup("<!-- runs -->")
 _LARGEST_PAGE = 1_950_000
 """Size that a page has at most if its tables and figures leave room for the runs [bytes]."""
@@ -121,11 +125,46 @@ def _assets(names: Sequence[str]) -> list[Markup]:
 
 def _payloads(data: ReportData, room: int) -> list[str]:
     """Data blocks for the script, one per run; all together take `room` bytes at most."""
-    blocks = []
-    for run in run_payloads(data.runs, data.result["noise"], room - 2000 * len(data.runs)):
-        start = f'<script type="application/json" class="run" data-role="{run["role"]}">'
-        blocks.append(f"{start}{script_json(finite_or_null(run))}</script>")
+    noise, blocks = data.result["noise"], []
+    stored = stored_runs(data.runs, noise, room - 2000 * len(data.runs))
+    for run, columns in zip(data.runs, stored, strict=True):
+        content = {"name": run.name, "role": run.role, "panels": _panels(run, noise), **columns}
+        start = f'<script type="application/json" class="run" data-role="{run.role}">'
+        blocks.append(f"{start}{script_json(finite_or_null(content))}</script>")
     return blocks
+
+
+def _panels(run: RunTraces, noise: Mapping[str, float | None]) -> list[_Panel]:
+    panels = [
+        *_channel("Speed", "rad/s", run.before_speed is not None, noise.get("speed_rad_s")),
+        *_channel("Current", "A", run.before_current is not None, noise.get("current_A")),
+        {"label": "Voltage [V]", "series": [_series("logged", "voltage", "voltage")]},
+    ]
+    if run.temperature is not None:
+        logged = [_series("logged", "voltage", "temperature")]
+        panels.append({"label": "Temperature [°C]", "series": logged})
+    return panels
+
+
+def _channel(name: str, unit: str, has_before: bool, noise: float | None) -> list[_Panel]:
+    """Panels of a channel and of its residual."""
+    key = name.lower()
+    shown = [_series("measured", "trace", f"measured_{key}")]
+    left = []
+    if has_before:
+        shown.append(_series("nominal model", "before", f"before_{key}"))
+        left.append(_series("nominal model", "before", f"measured_{key}", f"before_{key}"))
+    shown.append(_series("simulated", "after", f"after_{key}"))
+    left.append(_series("final model", "after", f"measured_{key}", f"after_{key}"))
+    return [
+        {"label": f"{name} [{unit}]", "series": shown, "tall": True},
+        {"label": f"{name} residual [{unit}]", "series": left, "noise": noise},
+    ]
+
+
+def _series(label: str, kind: str, column: str, minus: str = "") -> dict[str, str]:
+    """A column, or the difference of two."""
+    return {"label": label, "kind": kind, "column": column, "minus": minus}
 
 
 def _checks_by_role(runs: Sequence[RunTraces]) -> dict[str, list[ResidualCheck]]:

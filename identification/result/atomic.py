@@ -17,15 +17,9 @@ __all__ = ["replacing", "sync", "write_text"]
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary file that is renamed to `path` if the block succeeds.
+    """Yield an empty file in the directory of `path`, renamed to `path` if the block succeeds.
 
-    On an exception the temporary file is removed and the previous content of `path` stays.
-
-    Args:
-        path: File to create or to replace; its directory must exist.
-
-    Yields:
-        An existing empty file in the same directory, hence on the same file system.
+    On an exception it is removed, and the previous content of `path` stays.
     """
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
     os.close(handle)

@@ -40,16 +40,10 @@ def write_posterior(
     acceptance: ArrayLike,
     attributes: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the sampler chain to `path` atomically.
+    """Write the sampler chain (n_draw, n_walker, n_param) to `path` atomically.
 
-    Args:
-        path: File to create or to replace.
-        names: (n_param,) names of the parameters, as in result.json.
-        units: (n_param,) their units.
-        chain: (n_draw, n_walker, n_param) draws after burn-in, each in its unit.
-        log_prob: (n_draw, n_walker) log posterior density [-].
-        acceptance: Fraction of accepted proposals, one number or (n_walker,) [-].
-        attributes: Additional attributes of the file, such as software versions.
+    Names and units are (n_param,), the log posterior density (n_draw, n_walker), the fraction of
+    accepted proposals one number or (n_walker,) [-].  Attributes of the file may be added.
 
     Raises:
         ValueError: The shapes are inconsistent.

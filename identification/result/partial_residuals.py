@@ -226,12 +226,7 @@ def _rates(
 ) -> Array:
     """(n_draw, n_sample, 2) di/dt and dw/dt of a model with a subset of the terms of `whole`.
 
-    Args:
-        model: The model.
-        states: (n_sample, n_state, n_draw) of `whole`.
-        inputs: (n_sample, n_input).
-        values: (n_parameter, n_draw) of `whole`.
-        whole: Model to which the states and parameters belong.
+    States (n_sample, n_state, n_draw) and values (n_parameter, n_draw) are those of `whole`.
     """
     at = [whole.state_names.index(name) for name in model.state_names]
     names = [parameter.name for parameter in whole.parameters]

@@ -3,9 +3,8 @@
     controller.py     controllers: P:1, PI:2,0.5, PID:2,0.5,0.1 and the class of further ones
     metrics.py        step metrics, and their distribution over the posterior draws
     loop.py           motor and controller as transfer functions, one for each draw
-    roots.py          roots of many polynomials at once
-    modes.py          sums of exponential modes, also for coincident poles
-    envelope.py       time after which such a sum stays below a level
+    roots.py          roots of many polynomials or functions at once
+    modes.py          sums of exponential modes, also for coincident poles, and their bounds
     turns.py          zeros of the derivative of such a sum, from which monotone pieces follow
     step_response.py  rise, settling, peak and overshoot, exactly
     margins.py        gain margin, phase margin and bandwidth, exactly, also with a delay

@@ -194,17 +194,10 @@ def simulated_loop(
 ) -> list[LoopRun]:
     """Responses to a step of the reference, from standstill and zero current.
 
-    Args:
-        loop: Motor and controller.
-        parameters: (n_parameter, n_draw) physical.
-        own_states: Initial values of the states of the effects, (n_motor_state - 2,).
-        step: Size of the step [rad/s].
-        conditions: For each simulation the temperature of winding and magnet, and the highest
-            temperature that the motor has had before [degC].
-        time: (n_time,) uniform, from 0 [s].
-
-    Returns:
-        One for each condition.
+    The parameters are physical, (n_parameter, n_draw), the states of the effects start at
+    (n_motor_state - 2,), the step is in rad/s, the time (n_time,) uniform from 0 [s].  Each
+    condition is the temperature of winding and magnet, and the highest temperature that the motor
+    has had before [degC].
     """
     lanes = parameters.shape[1]
     rows, starts = [], []
@@ -260,12 +253,9 @@ def fastest_rate(
 ) -> float:
     """Largest spectral radius of the Jacobian, at standstill and at the reference speed [1/s].
 
-    Args:
-        model: Closed loop or motor.
-        starts: For each simulation the states at standstill, (n_state, n_draw).
-        rows: For each simulation the inputs, (n_time, n_input); the input ``voltage`` of the first
-            row is taken as the speed.
-        parameters: (n_parameter, n_draw) physical.
+    Each simulation has its states at standstill (n_state, n_draw) and inputs (n_time, n_input); the
+    input ``voltage`` of the first row is taken as the speed.  The parameters are physical,
+    (n_parameter, n_draw).
     """
     x, u, p = model.symbols()
     jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)])

@@ -128,12 +128,8 @@ def plant(draws: Mapping[str, Array], temperature: float) -> tuple[Array, Array]
 
         w/v = Kt / ((L s + Ra)(J s + b) + Kt^2) = gain / (s^2 + a1 s + a0)
 
-    Args:
-        draws: (n_draw,) for each nominal parameter, as `motor_draws` returns them.
-        temperature: Temperature of winding and magnet [degC].
-
-    Returns:
-        Gain (n_draw,) [rad/(V s^3)] and the monic denominator (n_draw, 3), falling powers.
+    The draws are those of `motor_draws`, the temperature is that of winding and magnet [degC].  The
+    gain is (n_draw,) [rad/(V s^3)], the monic denominator (n_draw, 3) in falling powers.
     """
     resistance = coefficient_at(draws["Ra25"], draws["alpha_Ra"], temperature)
     constant = coefficient_at(draws["Kt25"], draws["alpha_Kt"], temperature)

@@ -13,6 +13,15 @@ each draw and time would be as robust, but two hundred times slower.
 Newton's form also shows what the operator D - p_1 (D = d/dt) does: it removes the first pole and
 the first weight.  `Modes.tail` is that sum; its zeros bracket the turns of exp(-p_1 t) x(t).
 
+Two upper bounds of a stable sum hold for all t >= 0.  The modal bound, sum |c_k| exp(Re p_k t), is
+tight, but useless for nearly coincident poles, whose weights grow without limit.  The Newton bound,
+
+    (|a_1| + |a_2| t + |a_3| t^2 / 2 + ...) exp(p t)          p the largest real part,
+
+holds for all poles, because a divided difference of the exponential is a mean of its derivatives
+(Hermite-Genocchi formula), but is loose for widely separated poles.  The bound that falls below the
+level first limits the horizon in which a response has to be searched.
+
 Source: McCurdy, Ng and Parlett, Mathematics of Computation 43 (1984), 501-528 (divided
 differences of the exponential).
 """
@@ -28,8 +37,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.arrays import Array
+from identification.speed_loop.roots import root
 
-__all__ = ["Modes"]
+__all__ = ["Modes", "bound_at", "time_below"]
 
 Bool = NDArray[np.bool_]
 Complex = NDArray[np.complex128]
@@ -40,6 +50,10 @@ _APART: Final = 0.1
 # Poles closer than 1/t are summed as a series around their mean; the terms decay as 1/k!.
 _SERIES_TERMS: Final = 18
 _SMALLEST_GAP: Final = 1e-150
+_LARGEST_WEIGHT: Final = 1e60
+_FIXED_POINT_STEPS: Final = 40
+# The bound may equal the sum; this relative margin in time covers rounding.
+_ROUNDING: Final = 1e-6
 
 
 @dataclass(frozen=True)
@@ -119,6 +133,71 @@ class Modes:
         size = np.maximum(np.abs(self.poles)[:, :, None], np.abs(self.poles)[:, None, :])
         apart = (gaps > _APART * size) | np.eye(self.poles.shape[1], dtype=bool)
         return np.asarray(~apart.all(axis=(1, 2)))
+
+
+def bound_at(modes: Modes, time: Array, loop: Index) -> Array:
+    """Smaller of the two bounds of |x| of stable modes from times (n_time,) on [s].
+
+    `loop` (n_time,) is the index of the loop for each time.
+    """
+    modal = np.sum(
+        _modal_weights(modes)[loop] * np.exp(modes.poles.real[loop] * time[:, None]), axis=1
+    )
+    slowest = modes.poles.real[loop].max(axis=1)
+    newton = _polynomial(np.abs(modes.weights[loop]), time) * np.exp(slowest * time)
+    # Newton's bound may rise up to this time; it bounds no later value before.
+    falls = time * -slowest >= modes.poles.shape[1] - 1
+    return np.asarray(np.where(falls, np.minimum(modal, newton), modal))
+
+
+def time_below(modes: Modes, level: float) -> Array:
+    """Time (n_loop,) [s] after which |x| of stable modes stays below a level < |x(0)|."""
+    slowest = modes.poles.real.max(axis=1)
+    newton = _newton_time(np.abs(modes.weights), slowest, level)
+    weights = _modal_weights(modes)
+    # One exponential at the slowest rate bounds the modal sum; its crossing ends the bracket.
+    total = np.log(np.maximum(weights.sum(axis=1) / level, 1.0))
+    latest = np.maximum(total, 1.0) / -slowest * (1 + _ROUNDING)
+
+    def excess(time: Array, loop: Index) -> Array:
+        exponents = modes.poles.real[loop] * time[..., None]
+        largest = exponents.max(axis=-1)
+        rest = np.sum(weights[loop] * np.exp(exponents - largest[..., None]), axis=-1)
+        return np.asarray(np.log(rest / level) + largest)
+
+    found = root(excess, (np.zeros_like(latest), latest), (np.arange(latest.size),))
+    modal = np.where(np.isfinite(found), found, latest)
+    return np.asarray(np.minimum(modal, newton) * (1 + _ROUNDING))
+
+
+def _modal_weights(modes: Modes) -> Array:
+    return np.nan_to_num(np.abs(modes.residues), nan=_LARGEST_WEIGHT).clip(max=_LARGEST_WEIGHT)
+
+
+def _polynomial(weights: Array, time: Array) -> Array:
+    """|a_1| + |a_2| t + |a_3| t^2 / 2 + ..., by Horner's rule."""
+    total: Array = np.zeros_like(time)
+    for k in range(weights.shape[1], 0, -1):
+        total = np.asarray(weights[:, k - 1] + total * time / k)
+    return total
+
+
+def _newton_time(weights: Array, slowest: Array, level: float) -> Array:
+    """Largest fixed point of t = log(polynomial(t) / level) / -slowest, approached from above.
+
+    From t = (n_pole - 1) / -slowest the right-hand side grows more slowly than t, so each iterate
+    stays above the fixed point: stopping early only loosens the bound.
+    """
+
+    def later(time: Array) -> Array:
+        return np.log(np.maximum(_polynomial(weights, time) / level, 1.0)) / -slowest
+
+    time: Array = max(1, weights.shape[1] - 1) / -slowest
+    while np.any(short := later(time) > time):
+        time = np.where(short, 2 * time, time)
+    for _ in range(_FIXED_POINT_STEPS):
+        time = later(time)
+    return time
 
 
 def _divided_difference(poles: Complex, time: Array) -> Complex:

@@ -44,11 +44,9 @@ def sampled_metrics(
 ) -> StepMetrics:
     """Metrics of simulated step responses; the settling time is NaN if a response does not settle.
 
-    Args:
-        time: (n_time,) uniform, from 0 [s].
-        speed: (n_time, n_loop) divided by the step [-].
-        slope: (n_time, n_loop) its time derivative [1/s].
-        final: (n_loop,) known final values [-]; None to take them from the responses.
+    The time (n_time,) is uniform from 0 [s], the speed (n_time, n_loop) divided by the step [-],
+    the slope its time derivative [1/s].  Final values (n_loop,) [-] that are not known are taken
+    from the responses.
     """
     final = _ends(speed)[0] if final is None else final
     usable = np.isfinite(speed).all(axis=0) & (np.abs(final) > _LEAST_FINAL)

@@ -91,17 +91,9 @@ def step_curves(
 ) -> list[StepCurve]:
     """Exact step responses on a time grid, for plotting; no metric is computed from the grid.
 
-    All temperatures of one controller share the grid, so their curves can be overlaid.
-
-    Args:
-        draws: As for `feedback_metrics`.
-        temperatures: Temperatures of winding and magnet [degC].
-        controllers: Controllers, or texts that `parse_controller` accepts.
-        n_time: Number of grid points.
-        most_draws: Largest number of draws used, evenly spaced among those given.
-
-    Returns:
-        One curve for each controller and, within it, each temperature.
+    The arguments are those of `feedback_metrics`, and there is one curve for each of its entries.
+    All temperatures of one controller share the grid of `n_time` points, so their curves can be
+    overlaid.  Of many draws, `most_draws` are used, evenly spaced.
 
     Raises:
         OptionError: A parameter, temperature or controller is not accepted.

@@ -19,12 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.speed_loop.bracketing import root
-from identification.speed_loop.envelope import bound_at, time_below
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.metrics import BAND, RISE, StepMetrics
-from identification.speed_loop.modes import Modes
-from identification.speed_loop.roots import monic_roots
+from identification.speed_loop.modes import Modes, bound_at, time_below
+from identification.speed_loop.roots import monic_roots, root
 from identification.speed_loop.turns import Turns
 
 __all__ = ["StepResponse", "step_metrics"]

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.speed_loop.bracketing import root
 from identification.speed_loop.modes import Modes
+from identification.speed_loop.roots import root
 
 __all__ = ["Turns"]
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from identification.speed_loop.bracketing import root
+from identification.speed_loop.roots import root
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from identification.speed_loop.envelope import bound_at, time_below
-from identification.speed_loop.modes import Modes
+from identification.speed_loop.modes import Modes, bound_at, time_below
 
 TIMES = np.array([0.0, 1e-6, 0.01, 0.3, 1.0, 4.0])
 RATES = st.floats(0.2, 8.0)
