@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize
 
-from identification.fleet.normal_means import population_of
+from identification.fleet.pooling import population_of
 
 Array = NDArray[np.float64]
 GROUPS = 10
