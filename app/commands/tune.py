@@ -1,16 +1,25 @@
-"""The command `tune` and its options; `app.commands.tuning` does the work."""
+"""The command ``motorid tune``: tune or judge speed controllers, write and show them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.commands import options
 from app.commands.arguments import decimal
+from identification.errors import OptionError
+from identification.numerals import decimal_of
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 __all__ = ["tune"]
+
+_MOST_DRAWS = 400
+_OF_A_RANGE = 5
 
 _Specification = Annotated[
     str,
@@ -76,17 +85,108 @@ def tune(
     Each loop is simulated with the effects found, voltage and current limits, anti-windup, sample
     time and delay.  If the specification cannot be met, the output says by how much.
     """
-    from app.commands import motor, tuning
+    from app.commands import console
+    from app.commands.files import draws_of, read_result, write_json
+    from app.commands.motor import motor_of
+    from identification import tuning
 
-    tuning.tune(
-        result,
-        set or [],
-        spec,
-        temperature or ["25:125"],
-        out,
-        motor.Show(as_json=json, quiet=quiet),
-        kinds=[one.upper() for one in kind or []],
+    required = tuning.parse_specification(spec)
+    temperatures = _temperatures_of(temperature or ["25:125"])
+    if result is not None and not set:
+        content = read_result(result)
+        draws, remark = draws_of(content, result, _MOST_DRAWS)
+        if remark:
+            console.remark(remark)
+        motor = tuning.motor_of(draws, content)
+    else:
+        motor = tuning.motor_of(motor_of(result, set or []))
+    found = tuning.tune(
+        motor,
+        required,
+        temperatures=temperatures,
+        kinds=[one.upper() for one in kind or tuning.KINDS],
         controllers=controller or [],
         probability=probability,
         step=step,
     )
+    write_json(out, found, result)
+    if json:
+        console.print_json(found)
+    elif not quiet:
+        _print(found)
+
+
+def _temperatures_of(words: Sequence[str]) -> list[float]:
+    """Temperatures of numbers and ranges ``LOW:HIGH``, which give five temperatures each [degC].
+
+    Raises:
+        OptionError: A word is neither.
+    """
+    temperatures: list[float] = []
+    for word in words:
+        try:
+            ends = [decimal_of(part) for part in word.split(":")]
+        except ValueError:
+            ends = []
+        if len(ends) not in (1, 2) or ends[0] > ends[-1]:
+            raise OptionError(
+                f"--temperature {word!r}: expected a temperature or LOW:HIGH in degC, such as "
+                "0:120",
+                value=word,
+            )
+        low, high = ends[0], ends[-1]
+        count = 1 if low == high else _OF_A_RANGE
+        temperatures += [low + k * (high - low) / max(count - 1, 1) for k in range(count)]
+    return temperatures
+
+
+def _print(found: Mapping[str, Any]) -> None:
+    from app.commands import console
+
+    output = console.results_console()
+    spec = found["specification"]
+    required = ", ".join(f"{name} {value:g}" for name, value in spec.items() if value is not None)
+    temperatures = found["temperature_degC"]
+    span = " to ".join(f"{t:g}" for t in sorted({temperatures[0], temperatures[-1]}))
+    output.print(f"Specification: {required}", soft_wrap=True)
+    output.print(f"Step of {found['step_rad_s']:g} rad/s at {span} °C, {found['draws']} draws")
+    if found["effects"]:
+        output.print(f"Effects in the loop: {', '.join(found['effects'])}", soft_wrap=True)
+    if found["omitted_effects"]:
+        names = ", ".join(found["omitted_effects"])
+        output.print(f"Effects that do not act in the loop: {names}", soft_wrap=True)
+    output.print(_table(found))
+    for entry in found["controllers"]:
+        output.print(f"{entry['statement']}.", soft_wrap=True)
+    if found["recommended"]:
+        output.print(f"Recommended: {found['recommended']}", style="bold")
+
+
+def _table(found: Mapping[str, Any]) -> Table:
+    """Probability and, for each required metric, its worst quantile over the temperatures."""
+    from app.commands.console import table_with
+
+    table = table_with("Controllers", "controller")
+    names = [name for name in found["controllers"][0]["temperatures"][0] if name in _LABELS]
+    for label in ("probability", *(_LABELS[name] for name in names)):
+        table.add_column(label, justify="right")
+    for entry in found["controllers"]:
+        cells = []
+        for name in names:
+            quantities = [at[name] for at in entry["temperatures"]]
+            ends = [q[key] for q in quantities for key in ("q05", "q95") if q[key] is not None]
+            cells.append(f"{min(ends):.3g} .. {max(ends):.3g} {quantities[0]['unit']}"
+                         if ends else "-")  # fmt: skip
+        table.add_row(entry["controller"], f"{entry['probability']:.3f}", *cells)
+    return table
+
+
+_LABELS = {
+    "rise_time": "rise time",
+    "settling_time": "settling time",
+    "overshoot": "overshoot",
+    "steady_error": "steady error",
+    "gain_margin": "gain margin",
+    "phase_margin": "phase margin",
+    "peak_current": "peak current",
+}
