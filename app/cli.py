@@ -17,7 +17,6 @@ from typing import Annotated
 import typer
 
 from app.commands import options
-from app.commands.archives import backup, restore
 from app.commands.arguments import SeveralWords, mapping_of
 from app.commands.design import design
 from app.commands.exits import (
@@ -29,8 +28,7 @@ from app.commands.exits import (
     raised_signals,
 )
 from app.commands.export import export
-from app.commands.keys import keys
-from app.commands.loading import loading
+from app.commands.service import backup, keys, restore, serve
 from app.commands.tune import tune
 from app.logging import warnings_logged
 
@@ -73,6 +71,7 @@ def _without_command(
 
 @app.command(cls=SeveralWords)
 def fit(
+    ctx: typer.Context,
     runs: options.Runs,
     out: options.OutDir,
     validation: options.Validation = None,
@@ -106,20 +105,7 @@ def fit(
         runs,
         validation or [],
         out,
-        motor.fit_options(
-            seed=seed,
-            no_posterior=no_posterior,
-            no_effects=no_effects,
-            hold=hold,
-            effort=effort,
-            time_limit=time_limit,
-            temperature=temperature,
-            controller=controller,
-            set_aside=set_aside,
-            force=force,
-            known=known,
-            nameplate=nameplate,
-        ),
+        motor.fit_options(ctx.params),
         mapping=mapping_of(mapping, map or []),
         label=motor.Label(motor_name, bench),
         show=motor.Show(as_json=json, quiet=quiet),
@@ -168,9 +154,17 @@ def predict(
     Writes columns time_s,current_A,speed_rad_s with one row per sample.  The measured current and
     speed are used for the initial state only.
     """
-    from app.commands import motor
+    from app.commands.files import read_result, writable_file
+    from identification.ingest import read_run
+    from identification.result.atomic import write_text
 
-    motor.predict(result, run, out, declared, mapping_of(mapping, map or []))
+    chosen = mapping_of(mapping, map or [])
+    content, measured = read_result(result), read_run(run, mapping=chosen)
+    with writable_file(out, inputs=(run, result, result.parent)):
+        from identification.prediction import predict as simulate
+
+        table = simulate(content, measured, declared)
+        write_text(out, table.to_csv(index=False, lineterminator="\n"))
 
 
 @app.command(cls=SeveralWords)
@@ -203,6 +197,7 @@ app.command(cls=SeveralWords)(design)
 
 @app.command(cls=SeveralWords)
 def batch(
+    ctx: typer.Context,
     manifest: Annotated[
         Path, typer.Argument(metavar="MANIFEST", help="CSV or YAML file: motors, runs, options.")
     ],
@@ -235,17 +230,7 @@ def batch(
     run_batch(
         manifest,
         out,
-        motor.fit_options(
-            seed=seed,
-            no_posterior=no_posterior,
-            no_effects=no_effects,
-            effort=effort,
-            time_limit=time_limit,
-            set_aside=set_aside,
-            force=force,
-            known=known,
-            nameplate=nameplate,
-        ),
+        motor.fit_options(ctx.params),
         at_once=jobs or cores(),
         server=server,
         key=key,
@@ -255,9 +240,15 @@ def batch(
 
 @app.command()
 def demo(
-    campaign: options.CampaignName = "paper_motor",
-    out: options.CampaignOut = None,
-    data: options.CampaignDir = None,
+    ctx: typer.Context,
+    campaign: Annotated[str, typer.Argument(help="Name of a directory in data/.")] = "paper_motor",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Output directory.  [default: out/NAME]")
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Directory of the campaigns.  [default: data/]"),
+    ] = None,
     seed: options.Seed = 0,
     no_posterior: options.NoPosterior = False,
     effort: options.Effort = "normal",
@@ -273,27 +264,12 @@ def demo(
         training,
         validation,
         out or Path("out") / campaign,
-        motor.fit_options(
-            seed=seed, no_posterior=no_posterior, effort=effort, time_limit=time_limit
-        ),
+        motor.fit_options(ctx.params),
         show=motor.Show(as_json=json, quiet=quiet),
     )
 
 
-@app.command()
-def serve(
-    host: options.Host = None,
-    port: options.Port = None,
-    data_dir: options.DataDir = None,
-    no_auth: options.NoAuth = False,
-) -> None:
-    """Run the HTTP service.  MOTORID_ environment variables supply all other settings."""
-    with loading():
-        from app.commands import administration
-
-    administration.serve(host=host, port=port, data_dir=data_dir, no_auth=no_auth or None)
-
-
+app.command()(serve)
 app.command()(backup)
 app.command()(restore)
 

@@ -20,9 +20,8 @@ from app.fits.watcher import Watcher
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer
 from app.health.service import HealthService
-from app.housekeeping import Housekeeper
+from app.housekeeping import Housekeeper, Retention
 from app.metrics import Metrics
-from app.retention.service import Retention
 from app.runs.choice import RunChoice
 from app.runs.pending import PendingRuns
 from app.runs.reading import ReadingQueue, RunReader

@@ -162,15 +162,6 @@ class Database:
         with Session(self._writer, expire_on_commit=False) as session, session.begin():
             yield session
 
-    def ping(self) -> None:
-        """Execute a trivial query.
-
-        Raises:
-            sqlalchemy.exc.SQLAlchemyError: The database does not respond.
-        """
-        with self._readers.connect() as connection:
-            connection.execute(sqlalchemy.text("SELECT 1"))
-
     def close(self) -> None:
         """Close all connections."""
         self._readers.dispose()

@@ -19,23 +19,28 @@ from app.analyses.endpoints import designs
 from app.analyses.endpoints import router as analyses
 from app.batches.endpoints import router as batches
 from app.composition import Services
+from app.errors import BadRequest, Unavailable
 from app.fits.endpoints import router as fits
 from app.health.endpoints import router as health
 from app.http import API_PREFIX, HELP_PREFIX, STATIC_PREFIX, UPLOAD_PATHS
-from app.http.connections import BodyDeadline, CrowdCheck
-from app.http.files import PageFiles
+from app.http.connections import BodyDeadline, check_crowd
+from app.http.files import HelpPages, PageFiles
 from app.http.gate import Gate
-from app.http.help import HelpPages
-from app.http.middleware import HeadCheck, HostCheck, RequestLog, SizeCheck, WellFormed
+from app.http.middleware import (
+    HeadCheck,
+    RequestCheck,
+    RequestLog,
+    check_form,
+    host_check,
+    size_check,
+)
 from app.http.problems import add_problem_handlers
 from app.http.rate import RateLimit
 from app.pages.choice import router as choice
-from app.pages.design import router as design_pages
 from app.pages.endpoints import router as pages
-from app.pages.errors import ErrorPages
 from app.pages.keys import router as keys
 from app.pages.pending import router as pending
-from app.pages.rendering import PLOT_FILES, STATIC_FILES
+from app.pages.rendering import PLOT_FILES, STATIC_FILES, ErrorPages
 from app.runs.endpoints import router as runs
 from app.settings import Settings, load_settings
 
@@ -81,7 +86,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     for router in (fits, analyses, designs, batches, health):
         application.include_router(router, prefix=API_PREFIX, max_body_size=settings.max_body_bytes)
     application.include_router(health, include_in_schema=False)
-    for router in (pages, choice, design_pages, keys):
+    for router in (pages, choice, keys):
         application.include_router(router, max_body_size=settings.max_body_bytes)
     application.include_router(pending, max_body_size=settings.max_upload_bytes + _FORM_BYTES)
     application.mount(f"{STATIC_PREFIX}vendor/uplot", PageFiles(directory=PLOT_FILES))
@@ -92,11 +97,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     # The middleware added last handles a request first.
     application.add_middleware(HeadCheck)
     application.add_middleware(BodyDeadline, request_s=settings.request_s)
-    application.add_middleware(
-        SizeCheck,
-        limit=settings.max_body_bytes,
-        limits=dict.fromkeys(UPLOAD_PATHS, settings.max_upload_bytes + _FORM_BYTES),
-    )
+    limits = dict.fromkeys(UPLOAD_PATHS, settings.max_upload_bytes + _FORM_BYTES)
+    application.add_middleware(RequestCheck, check=size_check(settings.max_body_bytes, limits))
     application.add_middleware(
         RateLimit,
         rate_per_s=settings.rate_per_s,
@@ -104,9 +106,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         metrics=services.metrics,
     )
     application.add_middleware(Gate, access=services.access, no_auth=settings.no_auth)
-    application.add_middleware(HostCheck, hosts=settings.hosts)
-    application.add_middleware(WellFormed)
-    application.add_middleware(CrowdCheck)
+    application.add_middleware(RequestCheck, check=host_check(settings.hosts))
+    application.add_middleware(RequestCheck, check=check_form, closing=(BadRequest,))
+    application.add_middleware(RequestCheck, check=check_crowd, closing=(Unavailable,))
     application.add_middleware(ErrorPages)
     application.add_middleware(RequestLog, metrics=services.metrics)
     application.openapi = lambda: _openapi(application)  # type: ignore[method-assign]

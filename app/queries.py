@@ -10,7 +10,7 @@ import base64
 import binascii
 import math
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from sqlalchemy import select, tuple_
 from sqlalchemy.exc import IntegrityError
@@ -21,25 +21,13 @@ from app.errors import FieldRefused, KeyReused, NotFound
 from app.identifiers import Kind, is_id
 from app.tables import BatchRow, FitRow, PendingRow, RunRow
 
-__all__ = ["Entry", "cursor_of", "known", "page", "position_of", "requested_once"]
+__all__ = ["cursor_of", "known", "page", "position_of", "requested_once"]
 
 _Stored = TypeVar("_Stored", RunRow, PendingRow, FitRow, BatchRow)
 _Requested = TypeVar("_Requested", FitRow, BatchRow)
 _KINDS: dict[str, Kind] = {
     "runs": "run", "pending_runs": "run", "fits": "fit", "batches": "batch",
 }  # fmt: skip
-
-
-class Entry(Protocol):
-    """Entry of a paginated list."""
-
-    @property
-    def id(self) -> str:
-        """Id of the entry."""
-
-    @property
-    def created_at(self) -> float:
-        """Creation time [s since 1970]."""
 
 
 def known(
@@ -121,7 +109,7 @@ def _by_key(session: Session, row: _Requested) -> _Requested | None:
     return session.scalars(query).one_or_none()
 
 
-def cursor_of(rows: Sequence[Entry], limit: int) -> str | None:
+def cursor_of(rows: Sequence[RunRow | PendingRow | FitRow | BatchRow], limit: int) -> str | None:
     """Cursor of the next page, or None on the last page."""
     if len(rows) <= limit:
         return None

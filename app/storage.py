@@ -25,10 +25,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
-from app.disk import is_full, open_regular, remove_entry, sha256_of
+from app.disk import NodeLock, is_full, open_regular, remove_entry, sha256_of
 from app.errors import StorageFull
 from app.identifiers import Kind, is_id
-from app.locking import NodeLock
 from identification.errors import OptionError
 from identification.result.atomic import sync
 
@@ -195,50 +194,32 @@ class Storage:
 
     def sweep(self, runs: Collection[str], fits: Collection[str], now: float) -> int:
         """Remove old files and directories that no database row refers to; return their number."""
-        removed = self._sweep_scratch(now) + self._sweep_uploads(now)
-        if not runs and not fits:
-            # An empty database next to stored files indicates a wrong database URL.
-            return removed
-        left = [
-            entry
-            for known, stored in ((runs, self._stored("run")), (fits, self._stored("fit")))
-            for entry in stored
-            if entry.name not in known and _is_old(entry, now)
-        ]
-        for entry in left:
+        left = list(self._abandoned())
+        # An empty database next to stored files indicates a wrong database URL.
+        if runs or fits:
+            left += [entry for entry in self._stored("run") if entry.name not in runs]
+            left += [entry for entry in self._stored("fit") if entry.name not in fits]
+        old = [entry for entry in left if _is_old(entry, now)]
+        for entry in old:
             remove_entry(entry)
-        return removed + len(left)
+        return len(old)
 
     def _stored(self, kind: Literal["run", "fit"]) -> list[Path]:
         """Files of all runs, or directories of all fits."""
         return [e for e in _entries(self.directory / f"{kind}s") if is_id(kind, e.name)]
 
-    def _sweep_scratch(self, now: float) -> int:
-        left = [
-            entry
-            for entry in _entries(self.directory / "incoming")
-            if entry.name.startswith(_SCRATCH)
-            and _is_old(entry, now)
-            and not _is_held(entry / _HELD)
-        ]
-        for entry in left:
-            remove_entry(entry)
-        return len(left)
+    def _abandoned(self) -> Iterator[Path]:
+        """Scratch directories of ended processes, and uploads of ended servers.
 
-    def _sweep_uploads(self, now: float) -> int:
-        """Remove uploads of ended servers; each new container has another node name."""
-        left = [
-            entry
-            for folder in _entries(self.directory / "incoming")
-            if folder != self.incoming
-            and not folder.name.startswith(_SCRATCH)
-            and not _is_held(self.directory / "nodes" / f"{folder.name}.lock")
-            for entry in _entries(folder)
-            if _is_old(entry, now)
-        ]
-        for entry in left:
-            entry.unlink(missing_ok=True)
-        return len(left)
+        Each new container has another node name.
+        """
+        for folder in _entries(self.directory / "incoming"):
+            if folder.name.startswith(_SCRATCH):
+                if not _is_held(folder / _HELD):
+                    yield folder
+            elif folder != self.incoming:
+                if not _is_held(self.directory / "nodes" / f"{folder.name}.lock"):
+                    yield from _entries(folder)
 
 
 @contextmanager

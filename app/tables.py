@@ -27,6 +27,7 @@ __all__ = [
     "FitRow",
     "FitRunRow",
     "KeyRow",
+    "Owned",
     "PendingRow",
     "RunRow",
     "SessionRow",
@@ -40,7 +41,15 @@ class Tables(DeclarativeBase):
     type_annotation_map = {float: Double, dict[str, Any]: JSON, list[Any]: JSON}  # noqa: RUF012
 
 
-class KeyRow(Tables):
+class Owned:
+    """Columns of everything that a workspace owns."""
+
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)
+    workspace: Mapped[str] = mapped_column(String(100))
+    created_at: Mapped[float]
+
+
+class KeyRow(Owned, Tables):
     """API key, stored as its hash only.  `last_used_at` may lag by some minutes.
 
     An owner manages the keys of its workspace.
@@ -48,11 +57,8 @@ class KeyRow(Tables):
 
     __tablename__ = "keys"
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    workspace: Mapped[str] = mapped_column(String(100))
     name: Mapped[str] = mapped_column(String(200))
     digest: Mapped[str] = mapped_column(String(64), unique=True)
-    created_at: Mapped[float]
     revoked_at: Mapped[float | None]
     expires_at: Mapped[float | None]
     last_used_at: Mapped[float | None]
@@ -69,7 +75,7 @@ class SessionRow(Tables):
     expires_at: Mapped[float]
 
 
-class RunRow(Tables):
+class RunRow(Owned, Tables):
     """Accepted run; its bytes are in the data directory under its id.
 
     `sent_at` is the time of a repeated upload of the same bytes, or None.  `role` is the role that
@@ -82,8 +88,6 @@ class RunRow(Tables):
         Index("ix_runs_workspace_created", "workspace", "created_at"),
     )
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    workspace: Mapped[str] = mapped_column(String(100))
     sha256: Mapped[str] = mapped_column(String(64))
     mapping_sha256: Mapped[str] = mapped_column(String(64))
     mapping: Mapped[dict[str, Any] | None] = mapped_column(JSON)
@@ -95,12 +99,11 @@ class RunRow(Tables):
     duration_s: Mapped[float]
     channels: Mapped[dict[str, Any]]
     warnings: Mapped[list[Any]]
-    created_at: Mapped[float]
     sent_at: Mapped[float | None]
     role: Mapped[str | None] = mapped_column(String(10))
 
 
-class PendingRow(Tables):
+class PendingRow(Owned, Tables):
     """Uploaded file that is not yet confirmed as a run; its bytes are stored under its id.
 
     `found` is what the reader found in the file with `mapping`.  A confirmed file becomes a run
@@ -110,8 +113,6 @@ class PendingRow(Tables):
     __tablename__ = "pending_runs"
     __table_args__ = (Index("ix_pending_runs_workspace_created", "workspace", "created_at"),)
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    workspace: Mapped[str] = mapped_column(String(100))
     sha256: Mapped[str] = mapped_column(String(64))
     bytes: Mapped[int] = mapped_column(BigInteger)
     file: Mapped[str] = mapped_column(String(255))
@@ -119,7 +120,6 @@ class PendingRow(Tables):
     bench: Mapped[str | None] = mapped_column(String(200))
     mapping: Mapped[dict[str, Any] | None] = mapped_column(JSON)
     found: Mapped[dict[str, Any]]
-    created_at: Mapped[float]
 
 
 class BenchRow(Tables):
@@ -133,7 +133,7 @@ class BenchRow(Tables):
     changed_at: Mapped[float]
 
 
-class BatchRow(Tables):
+class BatchRow(Owned, Tables):
     """Batch; its fits refer to it by `batch_id`."""
 
     __tablename__ = "batches"
@@ -142,15 +142,12 @@ class BatchRow(Tables):
         Index("ix_batches_workspace_created", "workspace", "created_at"),
     )
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    workspace: Mapped[str] = mapped_column(String(100))
     name: Mapped[str | None] = mapped_column(String(200))
-    created_at: Mapped[float]
     idempotency_key: Mapped[str | None] = mapped_column(String(255))
     request_sha256: Mapped[str] = mapped_column(String(64))
 
 
-class FitRow(Tables):
+class FitRow(Owned, Tables):
     """Fit, from acceptance to end.
 
     `attempt` counts the starts of the fit.  Every write while the fit runs is conditional on it, so
@@ -168,8 +165,6 @@ class FitRow(Tables):
         Index("ix_fits_motor", "workspace", "motor", "created_at"),
     )
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    workspace: Mapped[str] = mapped_column(String(100))
     motor: Mapped[str | None] = mapped_column(String(200))
     motor_type: Mapped[str | None] = mapped_column(String(200))
     options: Mapped[dict[str, Any]]
@@ -183,7 +178,6 @@ class FitRow(Tables):
     owner: Mapped[str | None] = mapped_column(String(200))
     lease_until: Mapped[float | None]
     error: Mapped[dict[str, Any] | None] = mapped_column(JSON)
-    created_at: Mapped[float]
     started_at: Mapped[float | None]
     ended_at: Mapped[float | None]
     idempotency_key: Mapped[str | None] = mapped_column(String(255))

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
 
 from app.errors import FieldRefused
 
 __all__ = [
     "Documented",
+    "Moment",
     "Received",
     "check_text",
     "checked_label",
@@ -89,6 +90,10 @@ def moment(seconds: float) -> str:
     """Format a time given in seconds since 1970 as ISO 8601 in UTC."""
     text = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="microseconds")
     return text.replace("+00:00", "Z")
+
+
+Moment = Annotated[str, BeforeValidator(lambda at: at if isinstance(at, str) else moment(at))]
+"""Time of a schema as ISO 8601 in UTC, also from seconds since 1970."""
 
 
 def sentence(message: str) -> str:

@@ -17,7 +17,7 @@ import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import ColumnElement, and_, delete, or_, select, update
+from sqlalchemy import ColumnElement, Select, and_, delete, or_, select, update
 
 from app.database import Database
 from app.errors import BadKey
@@ -129,13 +129,9 @@ class AccessService:
         Raises:
             BadKey: The key is unknown, revoked or expired.
         """
-        if len(secret) <= _LONGEST_SECRET:
-            query = select(KeyRow).where(KeyRow.digest == _digest(secret), _is_open(time.time()))
-            with self._database.reading() as session:
-                key = session.scalars(query).one_or_none()
-            if key is not None:
-                return self._caller(key)
-        raise BadKey("the key is not valid; the operator creates one with motorid keys create")
+        query = select(KeyRow).where(KeyRow.digest == _digest(secret))
+        refusal = "the key is not valid; the operator creates one with motorid keys create"
+        return self._caller(secret, query, refusal)
 
     def open_keys(self, key_ids: Collection[str]) -> set[str]:
         """Subset of the keys that are neither revoked nor expired."""
@@ -169,19 +165,11 @@ class AccessService:
         Raises:
             BadKey: The session is unknown or has ended, or its key was revoked or has expired.
         """
-        if len(token) <= _LONGEST_SECRET:
-            now = time.time()
-            query = (
-                select(KeyRow)
-                .join(SessionRow, SessionRow.key_id == KeyRow.id)
-                .where(SessionRow.digest == _digest(token), SessionRow.expires_at > now)
-                .where(_is_open(now))
-            )
-            with self._database.reading() as session:
-                key = session.scalars(query).one_or_none()
-            if key is not None:
-                return self._caller(key)
-        raise BadKey("the session has ended; sign in again with the key")
+        query = select(KeyRow).join(SessionRow, SessionRow.key_id == KeyRow.id)
+        query = query.where(
+            SessionRow.digest == _digest(token), SessionRow.expires_at > time.time()
+        )
+        return self._caller(token, query, "the session has ended; sign in again with the key")
 
     def write_uses(self) -> None:
         """Store the times at which keys were last used.
@@ -197,7 +185,13 @@ class AccessService:
                         update(KeyRow).where(KeyRow.id == key_id).values(last_used_at=at)
                     )
 
-    def _caller(self, key: KeyRow) -> Caller:
+    def _caller(self, secret: str, query: Select[KeyRow], refusal: str) -> Caller:
+        key = None
+        if len(secret) <= _LONGEST_SECRET:
+            with self._database.reading() as session:
+                key = session.scalars(query.where(_is_open(time.time()))).one_or_none()
+        if key is None:
+            raise BadKey(refusal)
         self._used[key.id] = time.time()
         return Caller(key.workspace, key.id, key.owner)
 

@@ -1,9 +1,5 @@
 """Prediction of a run by a process with resource limits.
 
-    predictor = Predictor(fork_server, limits, max_rows=10_000_000)
-    with TemporaryFile() as table:
-        prediction = predictor.predict(run, path, result, table=table)
-
 See `app.analyses.predictor` for the side of the process.
 """
 
@@ -14,17 +10,14 @@ import signal
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO
 
 from app.errors import RunRefused, Unavailable
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer
 from app.tables import RunRow
 
-__all__ = ["HEADER", "Design", "Prediction", "Predictor"]
-
-HEADER: Final = b"time_s,current_A,speed_rad_s\n"
-"""First line of the table, as `motorid predict` writes it."""
+__all__ = ["Design", "Prediction", "Predictor"]
 
 
 @dataclass(frozen=True)
@@ -85,8 +78,6 @@ class Predictor:
             "declared": declared,
             "has_table": table is not None,
         }
-        if table is not None:
-            table.write(HEADER)
         found = self._fork_server.answer(task, self._limits, table)
         if "prediction" in found:
             return Prediction(**found["prediction"])

@@ -3,7 +3,7 @@
 A run file is untrusted, so the server itself never reads it.  See `app.analyses.prediction` for the
 server's side.  Messages, one JSON object per line:
 
-    {"table": "0.0,0.1,2.0 ..."}          rows of the table, if requested, in several messages
+    {"table": "0.0,0.1,2.0 ..."}          table, if requested, in several messages
     {"prediction": {...}}                 errors and the samples to plot; the last message
     {"design": {...}}                     expected gain of a designed run; the last message
     {"error": {"detail": "..."}}          the run, the result or the request is not accepted
@@ -24,7 +24,7 @@ from identification.design import (
     task_of_nameplate,
     task_of_result,
 )
-from identification.errors import IdentificationError, InputError
+from identification.errors import IdentificationError
 from identification.ingest import Limits, Run, read_run
 from identification.prediction import predict
 from identification.reporting.columns import extremes
@@ -50,38 +50,30 @@ def handle(task: dict[str, Any], answer: int) -> None:
     """
     confine(ProcessLimits(**task["limits"]))
     answers = Answers(answer)
-    if "design" in task:
-        _design(task, answers)
-        return
-    limits = Limits(rows=task["max_rows"])
     try:
-        run = read_run(task["path"], name=task["name"], mapping=task["mapping"], limits=limits)
-        prediction = predict(task["result"], run, task["declared"])
-    except InputError as error:
+        (_design if "design" in task else _predict)(task, answers)
+    except IdentificationError as error:
         answers.send({"error": {"detail": str(error)}})
-        return
     except MemoryError:
         answers.send({"error": {"detail": "memory"}})
-        return
+
+
+def _predict(task: dict[str, Any], answers: Answers) -> None:
+    limits = Limits(rows=task["max_rows"])
+    run = read_run(task["path"], name=task["name"], mapping=task["mapping"], limits=limits)
+    prediction = predict(task["result"], run, task["declared"])
     if task["has_table"]:
         _send_table(prediction, answers)
     answers.send({"prediction": finite_or_null(_summary(run, prediction, task["result"]))})
 
 
 def _design(task: dict[str, Any], answers: Answers) -> None:
-    """Design a run and send its samples and its expected gain."""
-    try:
-        options = DesignOptions(**task["design"])
-        if task["result"] is None:
-            proposal = propose(task_of_nameplate(task["nameplate"], options))
-        else:
-            proposal = propose(task_of_result(task["result"], options))
-    except IdentificationError as error:
-        answers.send({"error": {"detail": str(error)}})
-        return
-    except MemoryError:
-        answers.send({"error": {"detail": "memory"}})
-        return
+    options = DesignOptions(**task["design"])
+    if task["result"] is None:
+        motor = task_of_nameplate(task["nameplate"], options)
+    else:
+        motor = task_of_result(task["result"], options)
+    proposal = propose(motor)
     table = profile_csv(proposal)
     for first in range(0, len(table), _CHARACTERS):
         answers.send({"table": table[first : first + _CHARACTERS]})
@@ -92,7 +84,7 @@ def _send_table(prediction: pd.DataFrame, answers: Answers) -> None:
     """Send the rows; a sample without a prediction, between two records, has empty cells."""
     for first in range(0, len(prediction), _ROWS):
         rows = prediction.iloc[first : first + _ROWS]
-        answers.send({"table": rows.to_csv(index=False, header=False, lineterminator="\n")})
+        answers.send({"table": rows.to_csv(index=False, header=not first, lineterminator="\n")})
 
 
 def _summary(run: Run, prediction: pd.DataFrame, result: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pydantic import Field, StringConstraints
 
 from app.analyses.prediction import Design, Prediction
 from app.analyses.service import LoopAnalysis
+from app.fits.schemas import Finite, Word
 from app.texts import Documented, Received, with_example
 
 __all__ = [
@@ -31,13 +32,9 @@ class FeedbackIn(Received):
 
     model_config = with_example({"controllers": ["PI:2,0.5"], "temperatures": [25.0, 80.0]})
 
-    controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
-        min_length=1, max_length=_MOST
-    )
+    controllers: list[Word] = Field(min_length=1, max_length=_MOST)
     """`P:kp`, `PI:kp,ki` or `PID:kp,ki,kd`, gains in V s/rad."""
-    temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default=[25.0, 125.0], min_length=1, max_length=_MOST
-    )
+    temperatures: list[Finite] = Field(default=[25.0, 125.0], min_length=1, max_length=_MOST)
     """Temperatures of winding and magnet [degC]."""
 
 
@@ -54,7 +51,7 @@ class TuningIn(Received):
 
     specification: dict[
         Annotated[str, StringConstraints(max_length=30)],
-        Annotated[float, Field(allow_inf_nan=False)],
+        Finite,
     ] = Field(max_length=20)
     """Requirements and drive, as `motorid tune --spec` takes them, in SI units, %, dB and
     degrees."""
@@ -62,13 +59,9 @@ class TuningIn(Received):
         default=["PI"], min_length=1, max_length=4
     )
     """Kinds of controllers to tune."""
-    controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
-        default=[], max_length=_MOST
-    )
+    controllers: list[Word] = Field(default=[], max_length=_MOST)
     """Controllers to judge instead."""
-    temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default=[25.0, 125.0], min_length=1, max_length=_MOST
-    )
+    temperatures: list[Finite] = Field(default=[25.0, 125.0], min_length=1, max_length=_MOST)
     """Temperatures of winding and magnet [degC]."""
     probability: float = Field(default=0.95, gt=0, le=1)
     """Fraction of the draws that shall meet it [-]."""
@@ -185,11 +178,9 @@ class DesignIn(Received):
     """Duration [s]."""
     rate: float | None = None
     """Sample rate [Hz]."""
-    temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default=[], max_length=_MOST
-    )
+    temperatures: list[Finite] = Field(default=[], max_length=_MOST)
     """Temperatures that the bench can hold [degC]; the best one is proposed."""
-    narrow: Annotated[str, StringConstraints(max_length=100)] = ""
+    narrow: Word = ""
     """Quantity to narrow, such as `Ra25` or `rise_time_s@125`."""
     seed: int = Field(default=0, ge=0, lt=2**32)
     """Seed."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final, cast
 
 from app.access.service import Caller
 from app.analyses.prediction import Design, Prediction, Predictor
-from app.batches.results import refits_of
+from app.batches.service import refits_of
 from app.errors import FileLost, NotReady, Unavailable
 from app.fits.service import FitService, StoredFit
 from app.runs.service import RunService
@@ -132,9 +132,17 @@ class AnalysisService:
             return chain_draws(file, most, f"posterior.nc of {name}")
 
     def prediction(
-        self, caller: Caller, fit_id: str, run_id: str, *, declared: bool = False
+        self,
+        caller: Caller,
+        fit_id: str,
+        run_id: str,
+        *,
+        declared: bool = False,
+        table: BinaryIO | None = None,
     ) -> tuple[RunRow, Prediction]:
         """Simulate a stored run with the model of a fit, and compare it with the measurement.
+
+        A table that is given receives the simulated samples as CSV.
 
         Raises:
             NotReady: The fit has not succeeded.
@@ -142,7 +150,17 @@ class AnalysisService:
             RunRefused: The prediction exceeds the limits, or the result does not allow it.
             Unavailable: Too many analyses are computed at the moment.
         """
-        return self._predicted(caller, fit_id, run_id, declared, None)
+        fit = self.succeeded(caller, fit_id)
+        run = self._runs.get(caller, run_id)
+        if not self._storage.has_run(run.id, run.bytes, run.sha256):
+            raise FileLost(
+                f"the stored run {run.id} is missing or damaged; upload {run.file} again to "
+                "restore it"
+            )
+        with self._turn():
+            return run, self._predictor.predict(
+                run, self._storage.run(run.id), fit.result or {}, declared=declared, table=table
+            )
 
     def prediction_table(
         self, caller: Caller, fit_id: str, run_id: str, *, declared: bool = False
@@ -157,26 +175,11 @@ class AnalysisService:
         with refused_when_full("table"), ExitStack() as stack:
             unnamed = tempfile.TemporaryFile(dir=self._storage.incoming)
             table = cast(BinaryIO, stack.enter_context(unnamed))
-            self._predicted(caller, fit_id, run_id, declared, table)
+            self.prediction(caller, fit_id, run_id, declared=declared, table=table)
             table.flush()
             table.seek(0)
             stack.pop_all()
             return table
-
-    def _predicted(
-        self, caller: Caller, fit_id: str, run_id: str, declared: bool, table: BinaryIO | None
-    ) -> tuple[RunRow, Prediction]:
-        fit = self.succeeded(caller, fit_id)
-        run = self._runs.get(caller, run_id)
-        if not self._storage.has_run(run.id, run.bytes, run.sha256):
-            raise FileLost(
-                f"the stored run {run.id} is missing or damaged; upload {run.file} again to "
-                "restore it"
-            )
-        with self._turn():
-            return run, self._predictor.predict(
-                run, self._storage.run(run.id), fit.result or {}, declared=declared, table=table
-            )
 
     def design(
         self, caller: Caller, fit_id: str | None, options: Mapping[str, Any], nameplate: str = ""

@@ -42,6 +42,9 @@ class Saved:
     files: int
     """Number of files, including the database."""
 
+    def __str__(self) -> str:
+        return f"{self.runs} runs and {self.fits} results in {self.files} files"
+
     @classmethod
     def of(cls, names: Collection[str]) -> Self:
         """Count the files of a backup by their names."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import APIRouter, Header, Response
 from fastapi.responses import HTMLResponse
 
 from app.access.service import Caller
 from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults
 from app.composition import Services
 from app.errors import NotAcceptable
-from app.http.dependencies import After, CallerDep, JsonBody, ServicesDep
+from app.http.dependencies import After, CallerDep, JsonBody, Limit, RequestKey, ServicesDep
 from app.http.headers import FLEET_POLICY
 from app.http.problems import responses
 
@@ -51,13 +51,7 @@ def create_batch(
     response: Response,
     services: ServicesDep,
     caller: CallerDep,
-    idempotency_key: Annotated[
-        str | None,
-        Header(
-            description="Key chosen by the client; the same key with the same request is the "
-            "same batch."
-        ),
-    ] = None,
+    idempotency_key: RequestKey = None,
 ) -> BatchOut:
     """Submit one fit per motor. The batch is accepted or rejected as a whole.
 
@@ -72,9 +66,7 @@ def create_batch(
 def list_batches(
     services: ServicesDep,
     caller: CallerDep,
-    limit: Annotated[
-        int, Query(ge=1, le=1000, description="Maximum number of batches on a page.")
-    ] = 100,
+    limit: Limit = 100,
     after: After = None,
 ) -> BatchList:
     """List batches, newest first."""

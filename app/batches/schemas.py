@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from app.batches import MOST_MOTORS
-from app.batches.service import ENDED, StoredBatch
+from app.batches.service import StoredBatch
+from app.fits.repository import ENDED
 from app.fits.request import FitRequest
-from app.fits.schemas import FitCreate, FitError, FitOptionsIn, Motor, Progress, RunId, Status
-from app.texts import Documented, Received, moment, with_example
+from app.fits.schemas import FitError, FitOptionsIn, FitRuns, Motor, Progress, Status
+from app.texts import Documented, Moment, Received, with_example
 
 __all__ = ["BatchCreate", "BatchList", "BatchOut", "BatchResults", "BatchSummary"]
 
 
-class BatchItem(Documented):
+class BatchItem(FitRuns):
     """One motor of a batch."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    motor: Motor | None = None
-    """Name of the motor."""
     type: Motor | None = None
     """Type of the motor; the results of motors of one type are pooled."""
-    training: list[RunId] = Field(min_length=1, max_length=200)
-    """Training runs in the order of recording."""
-    validation: list[RunId] = Field(default=[], max_length=200)
-    """Validation runs."""
     options: FitOptionsIn | None = None
     """Options of this motor; default: those of the batch."""
 
@@ -64,18 +56,7 @@ class BatchCreate(Received):
 
     def requests(self) -> list[FitRequest]:
         """One fit request per motor."""
-        return [
-            replace(
-                FitCreate(
-                    training=item.training,
-                    validation=item.validation,
-                    options=item.options or self.options,
-                    motor=item.motor,
-                ).request(),
-                motor_type=item.type,
-            )
-            for item in self.motors
-        ]
+        return [item.request(item.options or self.options, item.type) for item in self.motors]
 
 
 class BatchFit(Documented):
@@ -113,7 +94,7 @@ class BatchSummary(Documented):
     counts: dict[Status, int]
     """Number of fits in each state."""
     links: dict[str, str]
-    created_at: str
+    created_at: Moment
     """UTC, ISO 8601."""
 
     @classmethod
@@ -225,5 +206,5 @@ def _fields(batch: StoredBatch) -> dict[str, Any]:
         "progress": {"fraction": batch.fraction, "ended": ended, "total": total},
         "counts": dict(batch.counts),
         "links": {"self": own, "results": f"{own}/results", "report": f"{own}/report"},
-        "created_at": moment(batch.row.created_at),
+        "created_at": batch.row.created_at,
     }

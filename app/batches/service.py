@@ -7,30 +7,37 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal
 
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app import queries
 from app.access.quotas import Quotas
 from app.access.service import Caller
-from app.batches import MOST_RUNS, repository
-from app.batches.results import MISSING, refits_of
-from app.database import Database
+from app.batches import MOST_RUNS
+from app.database import Database, portions
 from app.errors import FieldRefused, NotAcceptable
 from app.fits import repository as fits
+from app.fits.outputs import read_result
 from app.fits.repository import ENDED
 from app.fits.request import FitRequest, check_runs, checked_key, new_row, request_hash
 from app.fits.supervisor import Supervisor
 from app.identifiers import new_id
 from app.storage import Storage
 from app.tables import BatchRow, FitRow
-from app.texts import checked_label
-from identification.fleet.refit import Refit
+from app.texts import checked_label, moment
+from identification.fleet.refit import Refit, compared_with, refit_of
 from identification.fleet.table import MissingParquet, csv_text, parquet_bytes, rows_of
 
-__all__ = ["ENDED", "BatchService", "StoredBatch"]
+__all__ = ["BatchService", "StoredBatch", "refits_of"]
+
+_MISSING = "its result is missing or damaged in the data directory"
+# A batch can have a thousand results, which the table and the page each read in full.
+_MOST_KEPT = 4000
 
 
 @dataclass(frozen=True)
@@ -112,7 +119,8 @@ class BatchService:
         def add(session: Session) -> None:
             self._quotas.check_fits(session, caller.workspace, len(requests))
             check_runs(session, caller, *requests)
-            repository.add(session, row)
+            session.add(row)
+            session.flush()
             fits.add(session, *made)
 
         stored = queries.requested_once(self._database, row, add)
@@ -127,27 +135,25 @@ class BatchService:
             rows, following = queries.page(
                 session, BatchRow, caller.workspace, after=after, limit=limit
             )
-            ids = [row.id for row in rows]
-            counts = repository.counts(session, ids)
-            shares = repository.fractions(session, ids)
-        return [StoredBatch(row, counts[row.id], shares[row.id]) for row in rows], following
+            return _stored(session, rows), following
 
     def get(self, caller: Caller, batch_id: str) -> StoredBatch:
         """Batch with its fits."""
         with self._database.reading() as session:
             row = queries.known(session, BatchRow, caller.workspace, batch_id)
-            counts = repository.counts(session, [row.id])[row.id]
-            share = repository.fractions(session, [row.id])[row.id]
-            return StoredBatch(row, counts, share, fits.of_batch(session, row.id))
+            [batch] = _stored(session, [row])
+            listed = select(FitRow).where(FitRow.batch_id == row.id).order_by(FitRow.position)
+            return replace(batch, fits=session.scalars(listed).all())
 
     def delete(self, caller: Caller, batch_id: str) -> StoredBatch | None:
         """Cancel the unfinished fits of a batch; if all have ended, delete it and return None."""
         with self._database.writing() as session:
             row = queries.known(session, BatchRow, caller.workspace, batch_id)
-            cancelled = repository.cancel(session, row.id, time.time())
-            ids = repository.fit_ids(session, row.id)
+            cancelled = fits.cancel(session, row.id, time.time(), of_batch=True)
+            ids = session.scalars(select(FitRow.id).where(FitRow.batch_id == row.id)).all()
             if not cancelled:
-                repository.remove(session, row.id)
+                # The foreign keys delete its fits, too.
+                session.delete(row)
         if cancelled:
             self._supervisor.wake()
             return self.get(caller, batch_id)
@@ -185,23 +191,18 @@ class BatchService:
         batch, refits = self._refits(caller, batch_id)
         return render_fleet(batch.row.name or "Batch", refits, back="/")
 
-    def _refits(self, caller: Caller, batch_id: str) -> tuple[StoredBatch, list[Refit]]:
+    def _refits(
+        self, caller: Caller, batch_id: str, *, is_again: bool = False
+    ) -> tuple[StoredBatch, list[Refit]]:
         batch = self.get(caller, batch_id)
-        refits = self._read(caller, batch)
-        if any(refit.error == MISSING for refit in refits):
-            # A fit is deleted before its files, so a missing file may mean a deleted
-            # fit: read again.
-            batch = self.get(caller, batch_id)
-            refits = self._read(caller, batch)
-        return batch, refits
-
-    def _read(self, caller: Caller, batch: StoredBatch) -> list[Refit]:
         motors = sorted({fit.motor for fit in batch.fits if fit.motor})
         with self._database.reading() as session:
-            earlier = repository.earlier(
-                session, caller.workspace, motors, before=batch.row.created_at
-            )
-        return refits_of(self._storage, batch.fits, earlier)
+            earlier = _earlier(session, caller.workspace, motors, batch.row.created_at)
+        refits = refits_of(self._storage, batch.fits, earlier)
+        if any(refit.error == _MISSING for refit in refits) and not is_again:
+            # A fit is deleted before its files, so a missing file may mean a deleted fit.
+            return self._refits(caller, batch_id, is_again=True)
+        return batch, refits
 
 
 def _check_size(requests: Sequence[FitRequest]) -> None:
@@ -218,3 +219,92 @@ def _fit_row(caller: Caller, batch: BatchRow, position: int, request: FitRequest
     row = new_row(caller, request)
     row.batch_id, row.position, row.created_at = batch.id, position, batch.created_at
     return row
+
+
+def _stored(session: Session, rows: Sequence[BatchRow]) -> list[StoredBatch]:
+    """Batches with the states of their fits; an ended fit is complete in any final state."""
+    query = (
+        select(FitRow.batch_id, FitRow.status, func.count(), func.sum(FitRow.fraction))
+        .where(FitRow.batch_id.in_([row.id for row in rows]))
+        .group_by(FitRow.batch_id, FitRow.status)
+    )
+    counts: dict[str | None, dict[str, int]] = {row.id: {} for row in rows}
+    done: dict[str | None, float] = dict.fromkeys(counts, 0.0)
+    for batch_id, status, number, fraction in session.execute(query):
+        counts[batch_id][status] = number
+        done[batch_id] += number if status in ENDED else fraction
+    totals = {batch_id: sum(found.values()) for batch_id, found in counts.items()}
+    return [
+        StoredBatch(row, counts[row.id], done[row.id] / totals[row.id] if totals[row.id] else 1.0)
+        for row in rows
+    ]
+
+
+def _earlier(
+    session: Session, workspace: str, motors: Sequence[str], before: float
+) -> dict[str, FitRow]:
+    """Newest succeeded fit of each motor that was requested before a given time, by motor."""
+    found: dict[str, FitRow] = {}
+    for some in portions(motors):
+        newest = (
+            select(FitRow.motor, func.max(FitRow.created_at).label("created_at"))
+            .where(
+                FitRow.workspace == workspace,
+                FitRow.motor.in_(some),
+                FitRow.status == "succeeded",
+                FitRow.created_at < before,
+            )
+            .group_by(FitRow.motor)
+            .subquery()
+        )
+        query = (
+            select(FitRow)
+            .join(
+                newest,
+                (FitRow.motor == newest.c.motor) & (FitRow.created_at == newest.c.created_at),
+            )
+            .where(FitRow.workspace == workspace, FitRow.status == "succeeded")
+            # Fits of one batch share their creation time; the last one of a motor counts.
+            .order_by(FitRow.position)
+        )
+        found |= {str(row.motor): row for row in session.scalars(query)}
+    return found
+
+
+def refits_of(
+    storage: Storage, fits: Sequence[FitRow], earlier: Mapping[str, FitRow]
+) -> list[Refit]:
+    """Rows of the table, each compared with the previous fit of its motor."""
+    refits = []
+    for row in fits:
+        before = earlier.get(row.motor) if row.motor and row.status == "succeeded" else None
+        previous = None if before is None else _refit(storage, before)
+        refits.append(compared_with(_refit(storage, row), previous))
+    return refits
+
+
+def _refit(storage: Storage, row: FitRow) -> Refit:
+    motor = row.motor or "unnamed motor"
+    if row.status == "succeeded":
+        try:
+            refit = _read_refit(storage.attempt(row.id, row.attempt))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            # The last four: malformed content of a result that has no checksum.
+            refit = Refit(motor, row.status, error=_MISSING)
+    else:
+        refit = Refit(motor, row.status, error=str((row.error or {}).get("detail", "")))
+    return replace(
+        refit,
+        motor=motor,
+        type=row.motor_type or "",
+        status=row.status,
+        fit=row.id,
+        ended_at=None if row.ended_at is None else moment(row.ended_at),
+        link=f"/fits/{row.id}",
+    )
+
+
+@lru_cache(maxsize=_MOST_KEPT)
+def _read_refit(directory: Path) -> Refit:
+    # Cached: a result never changes once its fit has succeeded.
+    return refit_of("", "", read_result(directory))

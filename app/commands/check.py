@@ -6,7 +6,7 @@ import json
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -17,10 +17,8 @@ from app.commands.files import writable_file
 from app.commands.loading import loading
 from identification.errors import InputError, OptionError, RunFileError
 from identification.examples import Example
+from identification.result.atomic import write_text
 from identification.result.numbers import number_text, unit_text
-
-if TYPE_CHECKING:
-    from identification.preview import Preview
 
 __all__ = ["check"]
 
@@ -55,7 +53,8 @@ def check(
         remark(f"{save_mapping} is not written, because not all files are readable")
         save_mapping = None
     if save_mapping is not None:
-        _save(found, save_mapping)
+        with writable_file(save_mapping, "--save-mapping"):
+            write_text(save_mapping, json.dumps(found.mapping(), indent=1) + "\n")
     if as_json:
         print_json(content)
     elif not quiet:
@@ -92,14 +91,6 @@ def _check_replaceable(path: Path) -> None:
             "another name",
             value=str(path),
         ) from error
-
-
-def _save(found: Preview, path: Path) -> None:
-    """Write the mapping as understood."""
-    from identification.result.atomic import write_text
-
-    with writable_file(path, "--save-mapping"):
-        write_text(path, json.dumps(found.mapping(), indent=1) + "\n")
 
 
 def _print(

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
 from app.commands import options
+from app.commands.arguments import decimal
 
 __all__ = ["export"]
 
@@ -11,9 +17,23 @@ _MOST_DRAWS = 1000
 
 def export(
     result: options.ResultFile,
-    to: options.ExportFormat,
-    out: options.OutFile,
-    temperature: options.ExportTemperatures = None,
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMAT",
+            help="Format of the file: python-control, matlab, simulink-m, modelica, fmu, fmu3, c, "
+            "csv.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")],
+    temperature: Annotated[
+        list[float] | None,
+        typer.Option(
+            parser=decimal,
+            metavar="DEGC...",
+            help="Temperatures of linear models.  [default: those of the result]",
+        ),
+    ] = None,
 ) -> None:
     """Write the identified motor in the format of another program.
 

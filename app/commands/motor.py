@@ -19,7 +19,6 @@ from app.commands.files import (
     draws_of,
     read_result,
     writable_directory,
-    writable_file,
     write_json,
 )
 from app.commands.loading import loading
@@ -37,7 +36,6 @@ __all__ = [
     "fit",
     "fit_options",
     "motor_of",
-    "predict",
 ]
 
 _MOST_DRAWS = 2000
@@ -53,23 +51,21 @@ class Show:
     """Print nothing, except a requested JSON document."""
 
 
-def fit_options(
-    *,
-    no_posterior: bool = False,
-    no_effects: bool = False,
-    temperature: Sequence[float] | None = None,
-    controller: Sequence[str] | None = None,
-    known: Sequence[str] | None = None,
-    nameplate: Sequence[str] | None = None,
-    **others: Any,
-) -> FitOptions:
-    """Fit options from command-line values, validated; `others` are fields of `FitOptions`."""
-    if temperature:
-        others["temperatures"] = tuple(temperature)
-    if controller:
-        others["controllers"] = tuple(controller)
-    others |= {"known": tuple(known or ()), "nameplate": ",".join(nameplate or ())}
-    options = FitOptions(posterior=not no_posterior, effects=not no_effects, **others)
+def fit_options(given: Mapping[str, Any]) -> FitOptions:
+    """Fit options from the parameters of a command by name, validated; others are ignored."""
+    chosen = {name: given[name] for name in FitOptions.__dataclass_fields__ if name in given}
+    for several, one in (("temperatures", "temperature"), ("controllers", "controller")):
+        if given.get(one):
+            chosen[several] = tuple(given[one])
+    options = FitOptions(
+        **chosen
+        | {
+            "posterior": not given.get("no_posterior"),
+            "effects": not given.get("no_effects"),
+            "known": tuple(given.get("known") or ()),
+            "nameplate": ",".join(given.get("nameplate") or ()),
+        }
+    )
     parse_controllers(options.controllers)
     return options
 
@@ -85,51 +81,37 @@ def fit(
     show: Show,
 ) -> None:
     """Fit a motor, write its results and show them."""
-    with console.progress_bar(show.quiet) as progress:
-        result = _identified(out, training, validation, options, mapping, progress, label=label)
-    if show.as_json:
-        console.print_json(console.fit_summary(result, out))
-    elif not show.quiet:
-        console.print_fit(result, out)
-
-
-def _identified(
-    out: Path,
-    training: Sequence[Path],
-    validation: Sequence[Path],
-    options: FitOptions,
-    mapping: Mapping[str, object] | None,
-    progress: console.Progress,
-    *,
-    label: Label,
-) -> dict[str, Any]:
-    """Read runs, identify the motor, write its files and return the content of result.json."""
     # Local imports, here and below: reading, fitting and plotting modules take a second to load.
     with loading():
         from identification.ingest import read_run
 
     files = [*training, *validation]
     check_mapped_files(mapping, files)
-    runs = []
-    for number, (file, name) in enumerate(zip(files, run_names(files), strict=True)):
-        progress("read", 0.05 * number / len(files))
-        runs.append(read_run(file, name=name, mapping=mapping))
-    _refuse_checks_on_fitted(files, [run.sha256 for run in runs], len(training))
-    with writable_directory(out):
-        with loading():
-            from identification.pipeline import identify
+    with console.progress_bar(show.quiet) as progress:
+        runs = []
+        for number, (file, name) in enumerate(zip(files, run_names(files), strict=True)):
+            progress("read", 0.05 * number / len(files))
+            runs.append(read_run(file, name=name, mapping=mapping))
+        _refuse_checks_on_fitted(files, [run.sha256 for run in runs], len(training))
+        with writable_directory(out):
+            with loading():
+                from identification.pipeline import identify
 
-        identification = identify(
-            runs[: len(training)],
-            runs[len(training) :],
-            options,
-            lambda stage, done: progress(stage, 0.05 + 0.9 * done),
-        )
-        progress("write", 0.95)
-        identification.result.update(label.member())
-        identification.write(out)
-    progress("done", 1.0)
-    return identification.result
+            identification = identify(
+                runs[: len(training)],
+                runs[len(training) :],
+                options,
+                lambda stage, done: progress(stage, 0.05 + 0.9 * done),
+            )
+            progress("write", 0.95)
+            result = identification.result
+            result.update(label.member())
+            identification.write(out)
+        progress("done", 1.0)
+    if show.as_json:
+        console.print_json(console.fit_summary(result, out))
+    elif not show.quiet:
+        console.print_fit(result, out)
 
 
 def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], training: int) -> None:
@@ -142,22 +124,6 @@ def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], train
                 "runs that are not fitted",
                 file=str(file),
             )
-
-
-def predict(
-    result: Path, run: Path, out: Path, declared: bool, mapping: Mapping[str, object] | None
-) -> None:
-    """Simulate a run with the model of a result and write the table."""
-    from identification.ingest import read_run
-
-    content = read_result(result)
-    measured = read_run(run, mapping=mapping)
-    with writable_file(out, inputs=(run, result, result.parent)):
-        from identification.prediction import predict as simulate
-        from identification.result.atomic import write_text
-
-        table = simulate(content, measured, declared)
-        write_text(out, table.to_csv(index=False, lineterminator="\n"))
 
 
 def feedback(

@@ -13,9 +13,6 @@ __all__ = [
     "ApiKey",
     "AsJson",
     "BenchName",
-    "CampaignDir",
-    "CampaignName",
-    "CampaignOut",
     "Controllers",
     "DataDir",
     "DesignLimits",
@@ -23,27 +20,20 @@ __all__ = [
     "DesignTemperatures",
     "Duration",
     "Effort",
-    "ExportFormat",
-    "ExportTemperatures",
     "Force",
     "Hold",
-    "Host",
     "Jobs",
     "Known",
     "MapWords",
     "MappingFile",
     "Narrow",
     "MotorName",
-    "NewBackup",
-    "NoAuth",
     "NoEffects",
     "NoPosterior",
     "OptionalResult",
     "OutDir",
-    "OutFile",
     "Parameters",
     "Plate",
-    "Port",
     "ProfileOut",
     "Quiet",
     "Rate",
@@ -60,24 +50,7 @@ __all__ = [
 
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Files of the training runs.")]
 OutDir = Annotated[Path, typer.Option(metavar="DIR", help="Output directory.")]
-OutFile = Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
 ResultFile = Annotated[Path, typer.Argument(metavar="RESULT", help="result.json of a fit.")]
-ExportFormat = Annotated[
-    str,
-    typer.Option(
-        metavar="FORMAT",
-        help="Format of the file: python-control, matlab, simulink-m, modelica, fmu, fmu3, c, csv.",
-    ),
-]
-ExportTemperatures = Annotated[
-    list[float] | None,
-    typer.Option(
-        "--temperature",
-        parser=decimal,
-        metavar="DEGC...",
-        help="Temperatures of linear models.  [default: those of the result]",
-    ),
-]
 OptionalResult = Annotated[
     Path | None, typer.Argument(metavar="RESULT", help="result.json of a fit.")
 ]
@@ -257,22 +230,12 @@ ApiKey = Annotated[
         help="API key of the service.  The variable MOTORID_KEY keeps it out of process lists.",
     ),
 ]
-NoAuth = Annotated[
-    bool,
-    typer.Option(
-        "--no-auth", help="Accept requests without an API key; only on a loopback address."
-    ),
-]
 DataDir = Annotated[
     Path | None,
     typer.Option(help="Directory of the database, the runs and the results of the service."),
 ]
 Hold = Annotated[
     str, typer.Option(help="Inter-sample behaviour of the voltage: auto (estimated), zoh or foh.")
-]
-Host = Annotated[str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1]")]
-Port = Annotated[
-    int | None, typer.Option(help="Port to listen on; 0 selects a free port.  [default: 8000]")
 ]
 Parameters = Annotated[
     list[str] | None,
@@ -285,18 +248,5 @@ Result = Annotated[
     typer.Option(
         metavar="RESULT",
         help="result.json of a fit; posterior.nc in the same directory is used if present.",
-    ),
-]
-CampaignName = Annotated[str, typer.Argument(help="Name of a directory in data/.")]
-CampaignOut = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Output directory.  [default: out/NAME]")
-]
-CampaignDir = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Directory of the campaigns.  [default: data/]")
-]
-NewBackup = Annotated[
-    Path,
-    typer.Argument(
-        metavar="BACKUP", help="New directory, or new file with a name that ends with .tar."
     ),
 ]

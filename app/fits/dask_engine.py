@@ -24,7 +24,7 @@ from typing import Any
 from distributed import Client, Future, Security
 
 from app.fits.dask_task import TOPIC, compute
-from app.fits.engine import LOST, AbstractEngine, AbstractRunning, in_words, log_tail
+from app.fits.engine import LOST, AbstractEngine, AbstractRunning, in_words
 from app.fits.job import FitJob
 from app.settings import Settings
 from app.storage import Storage
@@ -209,9 +209,6 @@ class _DaskRunning(AbstractRunning):
                 reason = str(self.future.exception(timeout=_KILL_S))[:300]
                 _log.warning("a task failed", extra={"fit": self.job.fit_id, "reason": reason})
         return LOST
-
-    def log_tail(self) -> str:
-        return log_tail(self.job)
 
     def kill(self) -> None:
         future, self.future = self.future, None

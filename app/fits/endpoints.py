@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any
 
 from anyio import to_thread
@@ -9,10 +10,18 @@ from fastapi import APIRouter, Header, Query, Response
 from fastapi import Path as FormPath
 from fastapi.responses import FileResponse, StreamingResponse
 
-from app.fits.events import EventStream, has_heard_the_end, last_version
+from app.fits.events import EventStream, has_heard_the_end, last_version, stream
 from app.fits.exports import EXPORTS
 from app.fits.schemas import FitCreate, FitList, FitOut, Status
-from app.http.dependencies import After, CallerDep, JsonBody, ServicesDep
+from app.http.dependencies import (
+    After,
+    CallerDep,
+    JsonBody,
+    Limit,
+    OnlyMotor,
+    RequestKey,
+    ServicesDep,
+)
 from app.http.files import OpenFileResponse
 from app.http.headers import FRAMED
 from app.http.problems import responses
@@ -49,19 +58,13 @@ def create_fit(
     response: Response,
     services: ServicesDep,
     caller: CallerDep,
-    idempotency_key: Annotated[
-        str | None,
-        Header(
-            description="Key chosen by the client, such as a UUID; the same key with the same "
-            "request is the same fit, so that a request can be repeated if its answer was lost."
-        ),
-    ] = None,
+    idempotency_key: RequestKey = None,
 ) -> FitOut:
     """Submit a fit, which is computed in the background.
 
     `Location` is the URL of its status, its progress and finally its result.
     """
-    fit = services.fits.create(caller, body.request(), idempotency_key)
+    fit = services.fits.create(caller, body.request(body.options), idempotency_key)
     response.headers["Location"] = f"/api/v1/fits/{fit.row.id}"
     return FitOut.of(fit)
 
@@ -70,14 +73,10 @@ def create_fit(
 def list_fits(
     services: ServicesDep,
     caller: CallerDep,
-    limit: Annotated[
-        int, Query(ge=1, le=1000, description="Maximum number of fits on a page.")
-    ] = 100,
+    limit: Limit = 100,
     after: After = None,
     status: Annotated[Status | None, Query(description="Only fits in this state.")] = None,
-    motor: Annotated[
-        str | None, Query(max_length=200, description="Only fits of this motor.")
-    ] = None,
+    motor: OnlyMotor = None,
 ) -> FitList:
     """List fits, newest first, without their results."""
     fits = services.fits.page(caller, after=after, limit=limit, status=status, motor=motor)
@@ -110,14 +109,13 @@ async def follow_fit(
     if version and has_heard_the_end(row, version):
         return Response(status_code=204)
 
-    return EventStream(
-        services.watcher,
-        row,
-        caller.key_id,
-        version,
+    events = partial(
+        stream,
+        version=version,
         keep_alive_s=services.settings.keep_alive_s,
         is_stopping=services.stopping.is_set,
     )
+    return EventStream(services.watcher.listen(row, caller.key_id), events)
 
 
 @router.delete(

@@ -1,10 +1,5 @@
 """Compute engines: start jobs and report on the running ones.
 
-    running = engine.start(job)
-    running.messages()        messages since the last call
-    running.exit()            None while the job runs, else how it ended
-    running.kill()            kill the job with all its child processes
-
 `LocalEngine` computes each job in one process on this machine.  The supervisor uses only the two
 abstract classes, so engines are interchangeable.  An engine may fail at any moment: the pending
 work is recorded in the database, not in the engine.
@@ -23,7 +18,7 @@ from app.fits.job import LOG, FitJob
 from app.fork_server.client import ForkServer, Task
 from identification.threads import cores
 
-__all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine", "in_words", "log_tail"]
+__all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine", "in_words"]
 
 LOST = "the end of its engine"
 """Outcome of a job whose engine ended; it does not count against the fit."""
@@ -45,12 +40,17 @@ class AbstractRunning(abc.ABC):
         """None while the job runs, else a description of how its process ended, or `LOST`."""
 
     @abc.abstractmethod
-    def log_tail(self) -> str:
-        """End of the job's log."""
-
-    @abc.abstractmethod
     def kill(self) -> None:
         """Kill the job; return when it has ended."""
+
+    def log_tail(self) -> str:
+        """End of the log that the process of the job has written."""
+        try:
+            with (Path(self.job.directory) / LOG).open("rb") as log:
+                log.seek(max(0, log.seek(0, os.SEEK_END) - _LONGEST_LOG))
+                return log.read().decode("utf-8", "replace")
+        except OSError:
+            return ""
 
 
 class AbstractEngine(abc.ABC):
@@ -132,25 +132,12 @@ class _LocalRunning(AbstractRunning):
     def kill(self) -> None:
         self._task.kill()
 
-    def log_tail(self) -> str:
-        return log_tail(self.job)
-
     def _hear(self) -> None:
         for message in self._task.messages():
             if "exit" in message:
                 self._end = in_words(message["exit"])
             else:
                 self._told.append(message)
-
-
-def log_tail(job: FitJob) -> str:
-    """End of the log that the process of a job has written."""
-    try:
-        with (Path(job.directory) / LOG).open("rb") as log:
-            log.seek(max(0, log.seek(0, os.SEEK_END) - _LONGEST_LOG))
-            return log.read().decode("utf-8", "replace")
-    except OSError:
-        return ""
 
 
 def in_words(code: int) -> str:

@@ -17,14 +17,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator, Callable
-from functools import partial
+from contextlib import AbstractContextManager
 
 from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from app.fits.repository import ENDED
 from app.fits.schemas import FitEvent
-from app.fits.watcher import Listener, Watcher
+from app.fits.watcher import Listener
 from app.tables import FitRow
 
 __all__ = ["EventStream", "has_heard_the_end", "last_version", "stream"]
@@ -48,28 +48,17 @@ def has_heard_the_end(row: FitRow, version: int) -> bool:
 class EventStream(StreamingResponse):
     """Response that streams the events of a fit; it counts as open until it has been sent.
 
-    The row was just read; `version` is the last one that the client has.
-
-    Raises:
-        TooManyStreams: The key has the maximum number of open streams; raised before
-            anything is sent.
+    `events` gives the events to the listener of that subscription.
     """
 
     def __init__(
         self,
-        watcher: Watcher,
-        row: FitRow,
-        key_id: str | None,
-        version: int,
-        *,
-        keep_alive_s: float,
-        is_stopping: Callable[[], bool],
+        listening: AbstractContextManager[Listener],
+        events: Callable[[Listener], AsyncIterator[str]],
     ) -> None:
         super().__init__((), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
-        self._listening = watcher.listen(row, key_id)
-        self._events = partial(
-            stream, version=version, keep_alive_s=keep_alive_s, is_stopping=is_stopping
-        )
+        self._listening = listening
+        self._events = events
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send events until the stream ends or the client disconnects."""

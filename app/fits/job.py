@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-__all__ = ["LOG", "OUTPUTS", "OUTPUT_SUMS", "FitJob", "RunFile"]
+from identification.options import FitOptions
+
+__all__ = ["LOG", "OUTPUTS", "OUTPUT_SUMS", "FitJob", "RunFile", "options_of"]
 
 OUTPUTS = ("result.json", "report.html", "posterior.nc")
 """Output files of a fit; the last exists only if the posterior was sampled."""
@@ -69,3 +71,17 @@ class FitJob:
             for role in ("training", "validation")
         }
         return cls(**{**fields, **runs})
+
+
+def options_of(fields: Mapping[str, Any]) -> FitOptions:
+    """Fit options from their fields in JSON form; other fields, such as `bench`, are ignored.
+
+    Raises:
+        OptionError: An option is invalid.
+    """
+    known: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in fields.items()
+        if name in FitOptions.__dataclass_fields__
+    }
+    return FitOptions(**known)

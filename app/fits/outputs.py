@@ -1,8 +1,5 @@
 """Output files of a fit with SHA-256 checksums, which every read verifies.
 
-    seal(directory)                       after the outputs were written
-    open_output(directory, "report.html")     the verified file, or an OSError
-
 The checksums reveal bytes that the disk has corrupted and files that were truncated.  They are
 stored in the directory of the outputs, in the format of ``sha256sum --check``.
 """

@@ -1,9 +1,5 @@
 """Fit queue in the database: claims with leases, requeueing, takeover from dead servers.
 
-    queue.claim()             claim the fit that has waited longest
-    queue.put_back(...)       requeue a fit
-    queue.take_over()         requeue the fits of a dead server
-
 The queue is first in, first out, but skips postponed fits, so that no fit blocks the others.
 
 A server holds a fit by a lease, which it renews.  A place is a machine with a data directory.
@@ -22,6 +18,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.database import Database
@@ -29,7 +26,7 @@ from app.fits import repository
 from app.fits.job import FitJob, RunFile
 from app.settings import Settings
 from app.storage import Storage
-from app.tables import FitRow
+from app.tables import FitRow, FitRunRow, RunRow
 
 __all__ = ["Claim", "FitQueue"]
 
@@ -70,17 +67,21 @@ class FitQueue:
     def held(self) -> dict[tuple[str, int], int]:
         """Number of failed attempts of the fits that this server holds, by fit ID and attempt."""
         with self._database.reading() as session:
-            return repository.held(session, self._owner)
+            query = select(FitRow.id, FitRow.attempt, FitRow.failures)
+            held = session.execute(query.filter_by(status="running", owner=self._owner))
+            return {(fit_id, attempt): failures for fit_id, attempt, failures in held}
 
     def has_ended(self, fit_id: str) -> bool:
         """Return True if a fit is in a final state or was deleted."""
         with self._database.reading() as session:
-            return repository.has_ended(session, fit_id)
+            status = session.scalars(select(FitRow.status).filter_by(id=fit_id)).one_or_none()
+        return status in (None, *repository.ENDED)
 
     def waiting(self, most: int) -> int:
         """Number of queued fits, counted up to a maximum."""
         with self._database.reading() as session:
-            return repository.waiting(session, most)
+            query = select(FitRow.id).where(FitRow.status == "queued").limit(most)
+            return len(session.scalars(query).all())
 
     def claim(self, without: Collection[str] = (), *, running: int = 0) -> Claim | None:
         """Claim the fit that has waited longest; None if none waits or it must wait to run alone.
@@ -145,9 +146,11 @@ class FitQueue:
         attempt = row.attempt + 1
 
         def files(role: Literal["training", "validation"]) -> tuple[RunFile, ...]:
+            query = select(RunRow).join(FitRunRow, FitRunRow.run_id == RunRow.id)
+            query = query.where(FitRunRow.fit_id == row.id, FitRunRow.role == role)
             return tuple(
                 RunFile(str(self._storage.run(run.id)), run.file, run.mapping, run.sha256)
-                for run in repository.runs_of(session, row.id, role)
+                for run in session.scalars(query.order_by(FitRunRow.position))
             )
 
         return FitJob(

@@ -7,38 +7,30 @@ process whose attempt was replaced cannot overwrite the state of its successor.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 from sqlalchemy import and_, delete, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
 from app.database import portions
 from app.fits.request import FitRequest
-from app.tables import FitRow, FitRunRow, RunRow
+from app.tables import FitRow, FitRunRow
 
 __all__ = [
     "ENDED",
     "RELEASED",
     "add",
-    "all_ids",
     "cancel",
     "changes",
     "claim",
-    "counts",
     "expired",
     "finish",
-    "has_ended",
-    "held",
     "next_queued",
-    "of_batch",
-    "oldest_queued",
     "put_back",
     "remove",
     "renew",
     "run_ids",
-    "runs_of",
     "unclaim",
-    "waiting",
 ]
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -79,19 +71,6 @@ def run_ids(session: Session, fit_ids: Sequence[str]) -> dict[str, dict[str, lis
     return found
 
 
-def runs_of(
-    session: Session, fit_id: str, role: Literal["training", "validation"]
-) -> Sequence[RunRow]:
-    """Runs of a fit in one role, in order."""
-    query = (
-        select(RunRow)
-        .join(FitRunRow, FitRunRow.run_id == RunRow.id)
-        .where(FitRunRow.fit_id == fit_id, FitRunRow.role == role)
-        .order_by(FitRunRow.position)
-    )
-    return session.scalars(query).all()
-
-
 def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow | None]:
     """Fits whose version differs from the known one, by ID; None for a deleted fit."""
     found: dict[str, FitRow | None] = {}
@@ -106,17 +85,12 @@ def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow |
     return found
 
 
-def of_batch(session: Session, batch_id: str) -> Sequence[FitRow]:
-    """Fits of a batch, in order."""
-    query = select(FitRow).where(FitRow.batch_id == batch_id).order_by(FitRow.position)
-    return session.scalars(query).all()
-
-
-def cancel(session: Session, fit_id: str, now: float) -> bool:
-    """Cancel an unfinished fit; return False if it has ended."""
+def cancel(session: Session, wanted: str, now: float, *, of_batch: bool = False) -> int:
+    """Cancel the unfinished fit, or fits of a batch, with an ID; return how many there are."""
+    column = FitRow.batch_id if of_batch else FitRow.id
     return _changed(
         session,
-        and_(FitRow.id == fit_id, FitRow.status.not_in(ENDED)),
+        and_(column == wanted, FitRow.status.not_in(ENDED)),
         status="cancelled",
         ended_at=now,
         **RELEASED,
@@ -149,7 +123,7 @@ def next_queued(
 
 def claim(session: Session, row: FitRow, owner: str, now: float, lease_until: float) -> bool:
     """Start the next attempt at a queued fit; return False if another server was faster."""
-    return _changed(
+    return 0 < _changed(
         session,
         and_(FitRow.id == row.id, FitRow.attempt == row.attempt, FitRow.status == "queued"),
         status="running",
@@ -162,27 +136,13 @@ def claim(session: Session, row: FitRow, owner: str, now: float, lease_until: fl
     )
 
 
-def held(session: Session, owner: str) -> dict[tuple[str, int], int]:
-    """Number of failed attempts of the fits that run under an owner, by fit ID and attempt."""
-    query = select(FitRow.id, FitRow.attempt, FitRow.failures).where(
-        FitRow.status == "running", FitRow.owner == owner
-    )
-    return {(fit_id, attempt): failures for fit_id, attempt, failures in session.execute(query)}
-
-
-def has_ended(session: Session, fit_id: str) -> bool:
-    """Return True if a fit is in a final state or was deleted."""
-    query = select(FitRow.status).where(FitRow.id == fit_id)
-    return session.scalars(query).one_or_none() in (None, *ENDED)
-
-
 def renew(
     session: Session, fit_id: str, attempt: int, *, lease_until: float, progress: dict[str, Any]
 ) -> bool:
     """Renew the lease of an attempt and store its progress; return False if it is not current."""
     step = 1 if progress else 0
     condition = _current(fit_id, attempt)
-    return _changed(session, condition, step=step, lease_until=lease_until, **progress)
+    return 0 < _changed(session, condition, step=step, lease_until=lease_until, **progress)
 
 
 def finish(
@@ -208,19 +168,13 @@ def finish(
         **RELEASED,
         **values,
     )
-    return is_done or _has_ended_so(session, fit_id, attempt, status)
-
-
-def _has_ended_so(session: Session, fit_id: str, attempt: int, status: str) -> bool:
-    query = select(FitRow.id).where(
-        FitRow.id == fit_id, FitRow.attempt == attempt, FitRow.status == status
-    )
-    return session.scalars(query).one_or_none() is not None
+    same = select(FitRow.id).filter_by(id=fit_id, attempt=attempt, status=status)
+    return bool(is_done) or session.scalars(same).one_or_none() is not None
 
 
 def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
     """Requeue a fit whose attempt never started; the attempt is not counted."""
-    return _changed(
+    return 0 < _changed(
         session,
         _current(fit_id, attempt),
         status="queued",
@@ -234,7 +188,7 @@ def put_back(
     session: Session, fit_id: str, attempt: int, *, failures: int, interruptions: int = 0
 ) -> bool:
     """Requeue a fit after an attempt without a result, and add the server kills to its count."""
-    return _changed(
+    return 0 < _changed(
         session,
         _current(fit_id, attempt),
         status="queued",
@@ -260,38 +214,14 @@ def expired(session: Session, *, place: str, owner: str, now: float) -> Sequence
     return session.scalars(query).all()
 
 
-def waiting(session: Session, most: int) -> int:
-    """Number of queued fits of all workspaces, counted up to a maximum."""
-    query = select(FitRow.id).where(FitRow.status == "queued").limit(most)
-    return len(session.scalars(query).all())
-
-
-def counts(session: Session) -> dict[str, int]:
-    """Number of fits of all workspaces in each state."""
-    query = select(FitRow.status, func.count()).group_by(FitRow.status)
-    return {status: number for status, number in session.execute(query)}
-
-
-def oldest_queued(session: Session) -> float | None:
-    """Creation time of the fit that has waited longest, or None [s since 1970]."""
-    return session.scalars(
-        select(func.min(FitRow.created_at)).where(FitRow.status == "queued")
-    ).one_or_none()
-
-
-def all_ids(session: Session) -> set[str]:
-    """IDs of all fits of all workspaces."""
-    return set(session.scalars(select(FitRow.id)))
-
-
 def _current(fit_id: str, attempt: int) -> Any:
     return and_(FitRow.id == fit_id, FitRow.attempt == attempt, FitRow.status == "running")
 
 
-def _changed(session: Session, condition: Any, *, step: int = 1, **values: Any) -> bool:
-    """Update the row that meets a condition and its version; return False if there is none."""
+def _changed(session: Session, condition: Any, *, step: int = 1, **values: Any) -> int:
+    """Update the rows that meet a condition and their versions; return the number of rows."""
     statement = update(FitRow).where(condition).values(version=FitRow.version + step, **values)
     result = session.execute(
         statement.returning(FitRow.id), execution_options={"synchronize_session": False}
     )
-    return result.scalar_one_or_none() is not None
+    return len(result.all())

@@ -10,15 +10,16 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.access.service import Caller
+from app.database import portions
 from app.errors import FieldRefused, NotFound
+from app.fits.job import options_of
 from app.identifiers import is_id, new_id
-from app.runs import repository as runs
-from app.tables import FitRow
+from app.tables import FitRow, RunRow
 from app.texts import checked_label
-from identification.options import FitOptions
 
 __all__ = ["FitRequest", "check_runs", "checked_key", "new_row", "request_hash"]
 
@@ -51,12 +52,10 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
     ids = [*request.training, *request.validation]
     if len(set(ids)) < len(ids):
         raise FieldRefused("a run is given twice; give each run once, in one role", "training")
-    values: dict[str, Any] = {
-        n: tuple(v) if isinstance(v, list) else v
-        for n, v in request.options.items()
-        if n != "bench"
-    }
-    _check_controllers(FitOptions(**values).controllers)
+    # Lazy import: scipy would slow down every start.
+    from identification.speed_loop.controller import parse_controllers
+
+    parse_controllers(options_of(request.options).controllers)
     return FitRow(
         id=new_id("fit"),
         workspace=caller.workspace,
@@ -77,13 +76,6 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
     )
 
 
-def _check_controllers(controllers: Sequence[str]) -> None:
-    # Lazy import: scipy would slow down every start.
-    from identification.speed_loop.controller import parse_controllers
-
-    parse_controllers(controllers)
-
-
 def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
     """Check that the runs exist and that no validation run equals a training run of the same fit.
 
@@ -97,7 +89,7 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
     """
     # One query for all runs keeps the write transaction short.
     named = {run_id for r in requests for run_id in (*r.training, *r.validation)}
-    hashes = runs.hashes(
+    hashes = _hashes(
         session, caller.workspace, [run_id for run_id in named if is_id("run", run_id)]
     )
     if missing := named - hashes.keys():
@@ -111,6 +103,19 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
                     f"{fitted[hashes[run_id]]} in training; use runs that are not fitted",
                     "validation",
                 )
+
+
+def _hashes(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[str, str]:
+    """SHA-256 of those runs that exist, by ID; locks their rows against deletion."""
+    # SQLite rates an index on the workspace as more selective than 500 IDs and would read all runs
+    # of the workspace in each query.  No index applies to an expression.
+    is_theirs = RunRow.workspace.concat("") == workspace
+    found: dict[str, str] = {}
+    for some in portions(run_ids):
+        query = select(RunRow.id, RunRow.sha256).where(RunRow.id.in_(some), is_theirs)
+        rows = session.execute(query.with_for_update(read=True))
+        found.update((run_id, sha256) for run_id, sha256 in rows)
+    return found
 
 
 def _not_found(missing: Set[str], requests: Sequence[FitRequest]) -> NotFound:

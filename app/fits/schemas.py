@@ -11,23 +11,25 @@ from pydantic import ConfigDict, Field, StringConstraints
 from app.fits.request import FitRequest
 from app.fits.service import StoredFit
 from app.tables import FitRow
-from app.texts import Documented, Received, moment, with_example
+from app.texts import Documented, Moment, Received, with_example
 from identification.effort import EffortName
 from identification.label import LONGEST_LABEL
 from identification.options import FitOptions
 
 __all__ = [
+    "Finite",
     "FitCreate",
     "FitError",
     "FitEvent",
     "FitList",
     "FitOptionsIn",
     "FitOut",
+    "FitRuns",
     "FitSummary",
     "Motor",
     "Progress",
-    "RunId",
     "Status",
+    "Word",
 ]
 
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
@@ -35,6 +37,8 @@ RunId = Annotated[
     str, StringConstraints(max_length=60), Field(examples=["run_n2dq4hoyzmxrj6tcf7k3wvb5ea"])
 ]
 Motor = Annotated[str, StringConstraints(max_length=200)]
+Word = Annotated[str, StringConstraints(max_length=100)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 _DEFAULT = FitOptions()
 _FORESEEABLE = 0.05
@@ -78,11 +82,11 @@ class FitOptionsIn(Documented):
     """Whether to search for effects beyond the nominal model."""
     hold: Literal["auto", "zoh", "foh"] = _DEFAULT.hold
     """Voltage between samples: zero-order hold, first-order hold, or `auto` (the data decide)."""
-    temperatures: list[Annotated[float, Field(allow_inf_nan=False)]] = Field(
+    temperatures: list[Finite] = Field(
         default=list(_DEFAULT.temperatures), min_length=1, max_length=20
     )
     """Temperatures of the feedback metrics [degC]."""
-    controllers: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
+    controllers: list[Word] = Field(
         default=list(_DEFAULT.controllers),
         min_length=1,
         max_length=20,
@@ -98,7 +102,7 @@ class FitOptionsIn(Documented):
     """Whether runs that contradict physics or the other runs are excluded."""
     force: bool = _DEFAULT.force
     """Whether to fit contradictory runs; the result is marked."""
-    known: list[Annotated[str, StringConstraints(max_length=100)]] = Field(
+    known: list[Word] = Field(
         default=list(_DEFAULT.known), max_length=7, examples=[["Kt25=0.048+-5%", "L=2.9e-3"]]
     )
     """Known values of parameters, `NAME=VALUE`, `NAME=VALUE+-SD` or `NAME=VALUE+-N%`, in SI units;
@@ -118,7 +122,23 @@ class FitOptionsIn(Documented):
         return self.model_dump(mode="json", exclude=None if self.bench else {"bench"})
 
 
-class FitCreate(Received):
+class FitRuns(Received):
+    """Runs of a fit by role, and the name of their motor."""
+
+    training: list[RunId] = Field(min_length=1, max_length=200)
+    """Training runs in the order of recording."""
+    validation: list[RunId] = Field(default=[], max_length=200)
+    """Validation runs; they are never fitted."""
+    motor: Motor | None = None
+    """Name of the motor."""
+
+    def request(self, options: FitOptionsIn, motor_type: str | None = None) -> FitRequest:
+        """Convert to the request that the service takes."""
+        content = options.content()
+        return FitRequest(self.training, self.validation, content, self.motor, motor_type)
+
+
+class FitCreate(FitRuns):
     """Request for a fit."""
 
     model_config = with_example(
@@ -130,17 +150,7 @@ class FitCreate(Received):
         }
     )
 
-    training: list[RunId] = Field(min_length=1, max_length=200)
-    """Training runs in the order of recording."""
-    validation: list[RunId] = Field(default=[], max_length=200)
-    """Validation runs; they are never fitted."""
     options: FitOptionsIn = Field(default_factory=FitOptionsIn)
-    motor: Motor | None = None
-    """Name of the motor."""
-
-    def request(self) -> FitRequest:
-        """Convert to the request that the service takes."""
-        return FitRequest(self.training, self.validation, self.options.content(), self.motor)
 
 
 class Progress(Documented):
@@ -196,10 +206,10 @@ class FitSummary(Documented):
     batch: str | None
     """ID of its batch, else null."""
     links: dict[str, str]
-    created_at: str
+    created_at: Moment
     """UTC, ISO 8601."""
-    started_at: str | None
-    ended_at: str | None
+    started_at: Moment | None
+    ended_at: Moment | None
 
     @classmethod
     def of(cls, fit: StoredFit) -> FitSummary:
@@ -246,15 +256,7 @@ class FitEvent(Documented):
     @classmethod
     def of(cls, row: FitRow) -> FitEvent:
         """Build the event from the database row of a fit."""
-        return cls.model_validate(
-            {
-                "id": row.id,
-                "status": row.status,
-                "progress": Progress.of(row, time.time()),
-                "attempt": row.attempt,
-                "error": row.error,
-            }
-        )
+        return cls.model_validate(_columns(row, "id", "status", "attempt", "error"))
 
 
 def _fields(fit: StoredFit) -> dict[str, Any]:
@@ -265,19 +267,17 @@ def _fields(fit: StoredFit) -> dict[str, Any]:
         links["report"] = f"{own}/report"
         if fit.has_posterior:
             links["posterior"] = f"{own}/posterior"
-    return {
-        "id": row.id,
-        "status": row.status,
-        "progress": Progress.of(row, time.time()),
-        "motor": row.motor,
+    own_columns = ("id", "status", "motor", "options", "attempt", "error")
+    return _columns(row, *own_columns, "created_at", "started_at", "ended_at") | {
         "training": list(fit.training),
         "validation": list(fit.validation),
-        "options": row.options,
-        "attempt": row.attempt,
-        "error": row.error,
         "batch": row.batch_id,
         "links": links,
-        "created_at": moment(row.created_at),
-        "started_at": None if row.started_at is None else moment(row.started_at),
-        "ended_at": None if row.ended_at is None else moment(row.ended_at),
+    }
+
+
+def _columns(row: FitRow, *names: str) -> dict[str, Any]:
+    """Columns of a fit by name, and its progress."""
+    return {name: getattr(row, name) for name in names} | {
+        "progress": Progress.of(row, time.time())
     }

@@ -158,11 +158,7 @@ class FitService:
             NotReady: The fit has not succeeded.
             FileLost: The report is missing or damaged.
         """
-        row = self._succeeded(caller, fit_id)
-        try:
-            return open_output(self._directory(row), "report.html")
-        except OSError as error:
-            raise self._lost(caller, row, "report.html", error) from error
+        return self._output(caller, fit_id, "report.html")
 
     def posterior(self, caller: Caller, fit_id: str) -> BinaryIO:
         """Open the posterior of a fit for reading.
@@ -171,14 +167,17 @@ class FitService:
             NotReady: The fit has not succeeded, or was computed without a posterior.
             FileLost: The posterior is missing or damaged.
         """
+        return self._output(caller, fit_id, "posterior.nc")
+
+    def _output(self, caller: Caller, fit_id: str, name: str) -> BinaryIO:
         row = self._succeeded(caller, fit_id)
         directory = self._directory(row)
         try:
-            return open_output(directory, "posterior.nc")
+            return open_output(directory, name)
         except OSError as error:
-            lost = self._lost(caller, row, "posterior.nc", error)
+            lost = self._lost(caller, row, name, error)
             is_missing = isinstance(error, FileNotFoundError) and directory.is_dir()
-            if not is_missing or "posterior.nc" in expected_outputs(directory):
+            if not is_missing or name in expected_outputs(directory):
                 raise lost from error
             raise NotReady(
                 f"{fit_id} has no posterior; repeat the fit with the option `posterior` true"

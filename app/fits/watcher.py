@@ -1,10 +1,5 @@
 """Change notification for fits: one database poll serves all listeners.
 
-    group.start_soon(watcher.run)
-    with watcher.listen(row, caller.key_id) as listener:
-        row = listener.look()           None once the fit is deleted or the key is invalid
-        await listener.wait(1.0)        until the fit changes, or the time is over
-
 A poll reads the versions of all fits that have listeners and fetches only the rows that changed;
 all listeners of a fit share its row.  The number of polls therefore depends neither on the number
 of listeners nor on that of keys, and other requests find the threads and the database free.

@@ -13,7 +13,6 @@ of the service runs the pipeline.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import os
 import tempfile
@@ -22,14 +21,13 @@ from pathlib import Path
 from typing import Any
 
 from app.disk import is_full, open_regular, sha256_of
-from app.fits.job import LOG, FitJob, RunFile
+from app.fits.job import LOG, FitJob, RunFile, options_of
 from app.fits.outputs import seal
 from app.fork_server.child import Answers, pipeline_of
 from app.storage import CHECKPOINTS
 from identification.errors import ComputationError, ContradictoryRuns, InputError, RunFileError
 from identification.ingest import Run, read_run
 from identification.label import Label
-from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.result.atomic import sync
 from identification.threads import use_threads
@@ -76,17 +74,12 @@ def compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
     identify = pipeline_of(job.pipeline)
     training = [_read(run) for run in job.training]
     validation = [_read(run) for run in job.validation]
-    known = {field.name for field in dataclasses.fields(FitOptions)}
-    chosen: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in job.options.items()
-        if name in known
-    }
+    options = options_of(job.options)
     directory = Path(job.directory)
     more: dict[str, Any] = {}
     if "checkpoint" in inspect.signature(identify).parameters:
         more["checkpoint"] = checkpoint_of(job)
-    found = identify(training, validation, FitOptions(**chosen), progress, **more)
+    found = identify(training, validation, options, progress, **more)
     found.result.update(Label(job.motor, job.options.get("bench", "")).member())
     found.write(directory)
     progress("writing", 1.0)
@@ -124,27 +117,25 @@ class _StoredRunLost(InputError):
 
 
 def _read(run: RunFile) -> Run:
-    if run.sha256 is not None:
-        _check_stored(Path(run.path), run.name, run.sha256)
-    return read_run(run.path, name=run.name, mapping=run.mapping)
-
-
-def _check_stored(path: Path, name: str, sha256: str) -> None:
-    """Compare the SHA-256 of a stored run with that of its upload.
+    """Read a stored run after a comparison of its SHA-256 with that of its upload.
 
     A truncated table reads as a shorter run and would give a result without a warning.
     """
+    state = ""
     try:
-        with open_regular(path) as file:
-            state = "" if sha256_of(file) == sha256 else "SHA-256 differs from that of the upload"
+        if run.sha256 is not None:
+            with open_regular(Path(run.path)) as file:
+                if sha256_of(file) != run.sha256:
+                    state = "SHA-256 differs from that of the upload"
     except OSError as error:
         state = error.strerror or str(error)
     if state:
         raise _StoredRunLost(
             f"the stored run is missing or damaged ({state}); upload the same file again to "
             "restore it, then repeat the fit",
-            file=name,
+            file=run.name,
         )
+    return read_run(run.path, name=run.name, mapping=run.mapping)
 
 
 def _input_problem(error: InputError) -> dict[str, Any]:

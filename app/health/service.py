@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 
+from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.database import Database
-from app.fits import repository as fits
 from app.fits.supervisor import Supervisor
 from app.metrics import Metrics
-from app.runs import repository as runs
 from app.storage import Storage
+from app.tables import FitRow, RunRow
 
 __all__ = ["HealthService"]
 
@@ -40,21 +40,22 @@ class HealthService:
     def metrics(self) -> bytes:
         """Metrics in the text format of Prometheus; the gauges are updated first."""
         with self._database.reading() as session:
-            counts = fits.counts(session)
-            oldest = fits.oldest_queued(session)
-            number, stored = runs.totals(session)
+            query = select(FitRow.status, func.count(), func.min(FitRow.created_at))
+            fits = {row[0]: row for row in session.execute(query.group_by(FitRow.status))}
+            number, stored = session.execute(select(func.count(), func.sum(RunRow.bytes))).one()
         for status in _STATES:
-            self._metrics.fits.labels(status).set(counts.get(status, 0))
+            self._metrics.fits.labels(status).set(fits[status][1] if status in fits else 0)
         self._metrics.stored_runs.set(number)
-        self._metrics.stored_bytes.set(stored)
+        self._metrics.stored_bytes.set(stored or 0)
         self._metrics.free_bytes.set(self._storage.free_bytes())
-        age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
+        age = max(0.0, time.time() - fits["queued"][2]) if "queued" in fits else 0.0
         self._metrics.oldest_queued_seconds.set(age)
         return self._metrics.text()
 
     def _answers(self) -> bool:
         try:
-            self._database.ping()
+            with self._database.reading() as session:
+                session.execute(select(1))
         except SQLAlchemyError:
             return False
         return not self._database.is_damaged

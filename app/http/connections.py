@@ -5,7 +5,7 @@ file descriptor, and a service without free descriptors can answer no one.  Ther
 
 - the headers of a request must arrive within a time limit (`connection_class`);
 - the body, except that of an upload, must arrive within the same limit (`BodyDeadline`);
-- when most descriptors are in use, requests on new connections are rejected (`CrowdCheck`),
+- when most descriptors are in use, requests on new connections are rejected (`check_crowd`),
   except health checks, and the last descriptors are reserved for the service itself.
 """
 
@@ -21,10 +21,9 @@ from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 from app.errors import BodyTooSlow, Unavailable
 from app.http import HEALTH_PATHS, UPLOAD_PATHS
-from app.http.middleware import AbstractCheck
 from app.http.problems import problem_of
 
-__all__ = ["BodyDeadline", "CrowdCheck", "accepted_at_once", "connection_class"]
+__all__ = ["BodyDeadline", "accepted_at_once", "check_crowd", "connection_class"]
 
 _CROWDED = 0.8
 _FULL = 0.9
@@ -115,18 +114,14 @@ class _Connection(H11Protocol):
             self.transport.close()
 
 
-class CrowdCheck(AbstractCheck):
-    """Middleware that rejects requests on connections opened when descriptors were scarce.
+def check_crowd(scope: Scope) -> None:
+    """Reject a request on a connection opened when descriptors were scarce, except health checks.
 
-    Health checks are exempt.
+    Raises:
+        Unavailable: The connection is marked as crowded.
     """
-
-    closing = (Unavailable,)
-
-    def check(self, scope: Scope) -> None:
-        """Raise Unavailable if the connection is marked as crowded."""
-        if scope.get("state", {}).get("is_crowded") and scope["path"] not in HEALTH_PATHS:
-            raise Unavailable("too many connections are open; try again in some seconds")
+    if scope.get("state", {}).get("is_crowded") and scope["path"] not in HEALTH_PATHS:
+        raise Unavailable("too many connections are open; try again in some seconds")
 
 
 class BodyDeadline:
@@ -144,41 +139,32 @@ class BodyDeadline:
         if scope["type"] != "http" or (scope["method"], scope["path"]) in _UPLOADS:
             await self.app(scope, receive, send)
             return
-        body = _Body(receive, anyio.current_time() + self.request_s)
-        has_begun = False
+        deadline = anyio.current_time() + self.request_s
+        is_whole = is_late = has_begun = False
+
+        async def received() -> Message:
+            """Next message of the body; after the deadline, a client disconnect message."""
+            nonlocal is_whole, is_late
+            if is_whole:
+                return await receive()
+            with anyio.CancelScope(deadline=deadline):
+                message: dict[str, Any] = dict(await receive())
+                is_whole = not message.get("more_body", False)
+                return message
+            is_late = True
+            return {"type": "http.disconnect"}
 
         async def answer(message: Message) -> None:
             nonlocal has_begun
-            if body.is_late and not has_begun:
+            if is_late and not has_begun:
                 # Discard the response of the inner application to a truncated request.
                 return
             has_begun = True
             await send(message)
 
-        await self.app(scope, body.receive, answer)
-        if body.is_late and not has_begun:
+        await self.app(scope, received, answer)
+        if is_late and not has_begun:
             error = BodyTooSlow(
                 f"the body was not complete after {self.request_s:g} s; send the request again"
             )
             await problem_of(error)(scope, receive, send)
-
-
-class _Body:
-    """Messages of a request body, up to a deadline."""
-
-    def __init__(self, receive: Receive, deadline: float) -> None:
-        self._receive = receive
-        self._deadline = deadline
-        self._is_whole = False
-        self.is_late = False
-
-    async def receive(self) -> Message:
-        """Next message; after the deadline, a client disconnect message."""
-        if self._is_whole:
-            return await self._receive()
-        with anyio.CancelScope(deadline=self._deadline):
-            message: dict[str, Any] = dict(await self._receive())
-            self._is_whole = not message.get("more_body", False)
-            return message
-        self.is_late = True
-        return {"type": "http.disconnect"}

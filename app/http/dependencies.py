@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import Depends, Query, Request
+from fastapi import Depends, Header, Query, Request
 
 from app.access.service import Caller
 from app.composition import Services
 from app.errors import BadKey, WrongMediaType
 
-__all__ = ["After", "CallerDep", "JsonBody", "ServicesDep"]
+__all__ = ["After", "CallerDep", "JsonBody", "Limit", "OnlyMotor", "RequestKey", "ServicesDep"]
 
 
 def _services(request: Request) -> Services:
@@ -40,3 +40,16 @@ JsonBody = Depends(_json_body)
 """Dependency that rejects bodies of media types other than JSON."""
 After = Annotated[str | None, Query(max_length=200, description="`next` of the previous page.")]
 """Cursor of a page."""
+Limit = Annotated[int, Query(ge=1, le=1000, description="Maximum number of entries on a page.")]
+"""Size of a page."""
+OnlyMotor = Annotated[str | None, Query(max_length=200, description="Only those of this motor.")]
+"""Filter of a list."""
+RequestKey = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        description="Key chosen by the client, such as a UUID; the same key with the same request "
+        "has the same answer, so that a request can be repeated if its answer was lost.",
+    ),
+]
+"""Idempotency-Key of a request."""

@@ -1,23 +1,33 @@
-"""File responses: either complete, or a problem response.
+"""File responses, either complete or a problem response, and the documentation site under /help.
 
 The file is opened before the first byte of the response.  If it is deleted meanwhile, as when its
 fit is removed, the open file still supplies all bytes.
+
+The theme of the documentation has a few inline scripts.  The policy of its pages admits exactly
+those, by their hashes, and a style attribute of an element; all else comes from this service.
 """
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import os
+import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import BinaryIO
 
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import FileResponse
 from starlette.staticfiles import StaticFiles
 from starlette.types import Message, Receive, Scope, Send
 
 from app.errors import BadRequest, RangeOutside
+from app.http.headers import STATIC_CACHE
 
-__all__ = ["OpenFileResponse", "PageFiles"]
+__all__ = ["HelpPages", "OpenFileResponse", "PageFiles"]
+
+_INLINE = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 
 
 class OpenFileResponse(FileResponse):
@@ -61,6 +71,44 @@ class PageFiles(StaticFiles):
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send one static file."""
         await super().__call__(scope, receive, _refusing(send))
+
+
+class HelpPages(PageFiles):
+    """Pages of the documentation site, which `make docs-site` has written."""
+
+    def __init__(self, directory: Path) -> None:
+        super().__init__(directory=directory, html=True)
+        self._policy = _help_policy(directory)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send one page or one of its files."""
+
+        async def answer(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers["Content-Security-Policy"] = self._policy
+                headers["Cache-Control"] = STATIC_CACHE
+            await send(message)
+
+        await super().__call__(scope, receive, answer)
+
+
+def _help_policy(directory: Path) -> str:
+    """Content security policy that admits the inline scripts of the pages of a directory."""
+    scripts = {
+        script
+        for page in directory.rglob("*.html")
+        for script in _INLINE.findall(page.read_text(encoding="utf-8"))
+    }
+    hashes = sorted(
+        base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts
+    )
+    admitted = " ".join(["'self'", *(f"'sha256-{digest}'" for digest in hashes)])
+    return (
+        f"default-src 'none'; script-src {admitted}; style-src 'self'; "
+        "style-src-attr 'unsafe-inline'; img-src 'self' data:; connect-src 'self'; "
+        "worker-src 'self'; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
+    )
 
 
 def _refusing(send: Send) -> Send:

@@ -1,10 +1,10 @@
 """ASGI middleware: request id, log, metrics, security headers, host check and size limit.
 
-    request -> RequestLog -> CrowdCheck -> WellFormed -> HostCheck -> Gate -> RateLimit -> SizeCheck
-            -> BodyDeadline -> HeadCheck -> endpoint
+    request -> RequestLog -> ErrorPages -> check_crowd -> check_form -> host_check -> Gate
+            -> RateLimit -> size_check -> BodyDeadline -> HeadCheck -> endpoint
 
-`Gate` is in `app.http.gate`, `RateLimit` in `app.http.rate`, `CrowdCheck` and `BodyDeadline` in
-`app.http.connections`.
+`ErrorPages` is in `app.pages.rendering`, `Gate` in `app.http.gate`, `RateLimit` in `app.http.rate`,
+`check_crowd` and `BodyDeadline` in `app.http.connections`.
 
 A request with both ``Content-Length`` and ``Transfer-Encoding`` can smuggle a second request past a
 proxy that evaluates the other header (RFC 9112, section 6.3).
@@ -15,13 +15,11 @@ files are not buffered.
 
 from __future__ import annotations
 
-import abc
 import logging
 import re
 import secrets
 import time
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Callable, Collection, Mapping
 from urllib.parse import parse_qsl
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -35,7 +33,7 @@ from app.logging import request_id
 from app.metrics import Metrics
 from app.texts import check_text
 
-__all__ = ["AbstractCheck", "HeadCheck", "HostCheck", "RequestLog", "SizeCheck", "WellFormed"]
+__all__ = ["HeadCheck", "RequestCheck", "RequestLog", "check_form", "host_check", "size_check"]
 
 _GIVEN_ID = re.compile(r"[A-Za-z0-9_-]{8,64}")
 _log = logging.getLogger("app.requests")
@@ -107,18 +105,21 @@ def _template(scope: Scope) -> str:
     return API_PREFIX + path if is_call else path
 
 
-class AbstractCheck(abc.ABC):
-    """Middleware that answers a request with the error that its check raises."""
+class RequestCheck:
+    """Middleware that answers a request with the error that a check of its scope raises.
 
-    closing: ClassVar[tuple[type[ServiceError], ...]] = ()
-    """Errors after which the connection cannot be reused."""
+    After an error of the classes `closing`, the connection cannot be reused.
+    """
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        check: Callable[[Scope], None],
+        closing: tuple[type[ServiceError], ...] = (),
+    ) -> None:
         self.app = app
-
-    @abc.abstractmethod
-    def check(self, scope: Scope) -> None:
-        """Raise the error of a request that is not accepted."""
+        self.check = check
+        self.closing = closing
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Forward a request that passes the check."""
@@ -134,70 +135,63 @@ class AbstractCheck(abc.ABC):
         await self.app(scope, receive, send)
 
 
-class HostCheck(AbstractCheck):
-    """Middleware that rejects requests whose Host header is not a name of this service.
+def host_check(hosts: Collection[str]) -> Callable[[Scope], None]:
+    """Check that rejects requests whose Host header is not a name of this service.
 
     This prevents DNS rebinding: otherwise a page of another site could resolve its own name to this
     machine and read, in a local user's browser, the responses of a service without keys.
 
     The names have no port; ``*`` accepts any.
     """
+    accepted = {host.lower() for host in hosts}
 
-    def __init__(self, app: ASGIApp, hosts: tuple[str, ...]) -> None:
-        super().__init__(app)
-        self.hosts = frozenset(host.lower() for host in hosts)
-
-    def check(self, scope: Scope) -> None:
-        """Raise BadRequest for the name of another service."""
+    def check(scope: Scope) -> None:
         host = _without_port(Headers(scope=scope).get("host", ""))
-        if "*" not in self.hosts and host not in self.hosts:
+        if not accepted & {"*", host}:
             raise BadRequest("the Host header names another service; see MOTORID_ALLOWED_HOSTS")
 
+    return check
 
-class SizeCheck(AbstractCheck):
-    """Middleware that rejects compressed bodies and excessive Content-Length before reading.
+
+def size_check(most: int, limits: Mapping[str, int]) -> Callable[[Scope], None]:
+    """Check that rejects compressed bodies and excessive Content-Length before reading.
 
     The framework counts the bytes of bodies without Content-Length as they arrive.
 
     The limits are in bytes, `limits` those of single paths.
     """
 
-    def __init__(self, app: ASGIApp, limit: int, limits: Mapping[str, int]) -> None:
-        super().__init__(app)
-        self.limit = limit
-        self.limits = limits
-
-    def check(self, scope: Scope) -> None:
-        """Raise WrongMediaType or BodyTooLarge."""
+    def check(scope: Scope) -> None:
         headers = Headers(scope=scope)
         coding = headers.get("content-encoding", "identity").strip().lower()
         if coding not in ("", "identity"):
             # Decompression is not supported: it would turn a small body into a large one.
             raise WrongMediaType(f"the body is encoded as {coding[:40]!r}; send it plain")
         announced = headers.get("content-length", "")
-        limit = self.limits.get(scope["path"], self.limit)
+        limit = limits.get(scope["path"], most)
         if announced.isascii() and announced.isdigit() and int(announced) > limit:
             raise BodyTooLarge(f"the body has {announced} bytes; at most {limit} are taken")
 
+    return check
 
-class WellFormed(AbstractCheck):
-    """Middleware that rejects two body lengths, and invalid characters in query or headers."""
 
-    # The message boundary is ambiguous.
-    closing = (BadRequest,)
+def check_form(scope: Scope) -> None:
+    """Reject two body lengths, and invalid characters in query or headers.
 
-    def check(self, scope: Scope) -> None:
-        """Raise BadRequest for two lengths, FieldRefused for invalid characters."""
-        headers = Headers(scope=scope)
-        if "content-length" in headers and "transfer-encoding" in headers:
-            raise BadRequest("Content-Length and Transfer-Encoding contradict each other; send one")
-        for name, value in headers.items():
-            if any(letter < " " and letter != "\t" or letter == "\x7f" for letter in value):
-                raise FieldRefused(f"{name}: expected no control characters", name)
-        query = scope["query_string"].decode("latin-1")
-        for name, value in parse_qsl(query, keep_blank_values=True):
-            check_text("query", name)
-            check_text(f"query.{name}", value)
+    Raises:
+        BadRequest: The request has two lengths, so the message boundary is ambiguous.
+        FieldRefused: A character is invalid.
+    """
+    headers = Headers(scope=scope)
+    if "content-length" in headers and "transfer-encoding" in headers:
+        raise BadRequest("Content-Length and Transfer-Encoding contradict each other; send one")
+    for name, value in headers.items():
+        if any(letter < " " and letter != "\t" or letter == "\x7f" for letter in value):
+            raise FieldRefused(f"{name}: expected no control characters", name)
+    query = scope["query_string"].decode("latin-1")
+    for name, value in parse_qsl(query, keep_blank_values=True):
+        check_text("query", name)
+        check_text(f"query.{name}", value)
 
 
 class HeadCheck:

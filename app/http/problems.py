@@ -62,9 +62,6 @@ STATUS: dict[type[Exception], HTTPStatus] = {
 """HTTP status of each error class; an unlisted class has the status of its nearest base class."""
 
 _WORDS = {
-    HTTPStatus.BAD_REQUEST: "bad_request",
-    HTTPStatus.NOT_FOUND: "not_found",
-    HTTPStatus.METHOD_NOT_ALLOWED: "method_not_allowed",
     HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "too_large",
     HTTPStatus.UNSUPPORTED_MEDIA_TYPE: "media_type",
 }

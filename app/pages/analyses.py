@@ -1,26 +1,30 @@
-"""Pages of analyses: speed loop, predicted runs, history of a motor, comparison of two fits."""
+"""Pages of analyses: speed loop, tuning, predicted and next run, a motor over time, two fits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import urlencode
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import HTMLResponse
 
 from app.access.service import Caller
-from app.analyses.service import LoopAnalysis
 from app.composition import Services
-from app.errors import RunRefused
+from app.errors import FieldRefused, RunRefused
 from app.fits.schemas import FitSummary
 from app.fits.service import StoredFit
 from app.http.dependencies import CallerDep, ServicesDep
-from app.pages.comparison import comparison_view
-from app.pages.history import history_view
-from app.pages.loop_form import LoopForm
-from app.pages.prediction import prediction_view
-from app.pages.rendering import help_prefix, page
-from app.pages.tuning_form import FIELDS, TuningForm, tuning_view
+from app.pages.analysis_views import (
+    design_view,
+    history_view,
+    loop_view,
+    prediction_view,
+    tuning_view,
+)
+from app.pages.forms import FIELDS, DesignForm, LoopForm, TuningForm
+from app.pages.rendering import Page
+from app.pages.results import comparison_view
 from app.pages.views import fit_view
 from app.texts import sentence
 from identification.errors import InputError
@@ -41,7 +45,7 @@ _DRAWS = 400
 
 @router.get("/fits/{fit_id}/loop")
 def loop_page(
-    fit_id: str, request: Request, services: ServicesDep, caller: CallerDep
+    fit_id: str, page: Page, request: Request, services: ServicesDep, caller: CallerDep
 ) -> HTMLResponse:
     """Step response and metrics of the speed loop, with a form for controller and temperatures."""
     fit = services.analyses.succeeded(caller, fit_id)
@@ -51,7 +55,7 @@ def loop_page(
         loop = services.analyses.loop(
             caller, fit_id, [form.controller], form.temperatures, draws=_DRAWS
         )
-        shown = _loop_view(loop, fit.result or {})
+        shown = loop_view(loop, fit.result or {})
     except InputError as error:
         problem = sentence(str(error))
     is_part = "hx-request" in request.headers
@@ -59,8 +63,6 @@ def loop_page(
         "loop",
         # htmx shows the refusal in the place of the step response only if the answer is a success.
         status=422 if problem and not is_part else 200,
-        caller=caller,
-        help=help_prefix(services),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         problem=problem,
@@ -70,7 +72,7 @@ def loop_page(
 
 @router.get("/fits/{fit_id}/tuning")
 def tuning_page(
-    fit_id: str, request: Request, services: ServicesDep, caller: CallerDep
+    fit_id: str, page: Page, request: Request, services: ServicesDep, caller: CallerDep
 ) -> HTMLResponse:
     """Form of a specification and, once it is sent, the controller that suits it."""
     fit = services.analyses.succeeded(caller, fit_id)
@@ -87,8 +89,6 @@ def tuning_page(
     return page(
         "tuning",
         status=422 if problem else 200,
-        caller=caller,
-        help=help_prefix(services),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         fields=FIELDS,
@@ -100,6 +100,7 @@ def tuning_page(
 @router.get("/fits/{fit_id}/prediction")
 def prediction_page(
     fit_id: str,
+    page: Page,
     services: ServicesDep,
     caller: CallerDep,
     run: Annotated[str, Query(max_length=60)] = "",
@@ -119,8 +120,6 @@ def prediction_page(
     return page(
         "prediction",
         status=422 if problem else 200,
-        caller=caller,
-        help=help_prefix(services),
         fit=fit_view(FitSummary.of(fit), {}),
         training=fit.training,
         runs=runs,
@@ -132,17 +131,59 @@ def prediction_page(
     )
 
 
+@router.get("/fits/{fit_id}/design")
+def design_page(
+    fit_id: str, page: Page, request: Request, services: ServicesDep, caller: CallerDep
+) -> HTMLResponse:
+    """Form of the next run, and the expected gain once it was submitted."""
+    fit = services.analyses.succeeded(caller, fit_id)
+    form, problem, shown = DesignForm.of(request.query_params), "", None
+    if request.query_params:
+        try:
+            shown = design_view(services.analyses.design(caller, fit_id, form.options))
+        except InputError as error:
+            problem = sentence(str(error))
+        except (FieldRefused, RunRefused) as error:
+            problem = sentence(error.message)
+    effects = (fit.result or {}).get("effects") or ()
+    return page(
+        "design",
+        status=422 if problem else 200,
+        fit=fit_view(FitSummary.of(fit), {}),
+        form=form,
+        query=urlencode(request.query_params),
+        tied=[effect["name"] for effect in effects if effect.get("alternatives")],
+        problem=problem,
+        design=shown,
+    )
+
+
+@router.get("/fits/{fit_id}/design.csv")
+def design_file(
+    fit_id: str, request: Request, services: ServicesDep, caller: CallerDep
+) -> Response:
+    """Profile of the next run as a file; the query is that of the page."""
+    form = DesignForm.of(request.query_params)
+    design = services.analyses.design(caller, fit_id, form.options)
+    return Response(
+        design.table,
+        media_type="text/csv; charset=utf-8",
+        headers={"Content-Disposition": f'attachment; filename="{fit_id}-next.csv"'},
+    )
+
+
 @router.get("/motor")
 def motor_page(
-    services: ServicesDep, caller: CallerDep, name: Annotated[str, Query(max_length=200)]
+    page: Page,
+    services: ServicesDep,
+    caller: CallerDep,
+    name: Annotated[str, Query(max_length=200)],
 ) -> HTMLResponse:
     """Page of a motor: its fits, and its parameters over them."""
     fits, refits = services.analyses.history(caller, name, limit=_MOST_FITS)
     shown = [fit_view(FitSummary.of(fit), {}) for fit in fits]
     return page(
         "motor",
-        caller=caller,
-        help=help_prefix(services),
         motor=name,
         fits=shown,
         more=len(fits) == _MOST_FITS,
@@ -152,6 +193,7 @@ def motor_page(
 
 @router.get("/compare")
 def compare_page(
+    page: Page,
     services: ServicesDep,
     caller: CallerDep,
     fit: Annotated[list[str] | None, Query(max_length=20)] = None,
@@ -173,8 +215,6 @@ def compare_page(
         problem = f"Select two different fits (selected: {len(chosen)})."
     return page(
         "compare",
-        caller=caller,
-        help=help_prefix(services),
         fits=compared,
         chosen=[one["id"] for one in compared] or (chosen + [""] * 2)[:2],
         # A selected fit may be older than all that the list holds.
@@ -202,19 +242,3 @@ def _compared_steps(
     except InputError as error:
         return [(), ()], f"The step responses cannot be computed: {error}."
     return [loop.steps for loop in loops], ""
-
-
-def _loop_view(loop: LoopAnalysis, result: Mapping[str, Any]) -> dict[str, Any]:
-    """View of a speed loop: the figure and the table of the report."""
-    from identification.reporting.figures.curves import step_figure
-    from identification.reporting.figures.drawn import drawn_chart
-    from identification.reporting.tables import feedback_tables
-    from identification.result.attempts import figure
-    from identification.result.numbers import listed
-
-    return {
-        "figure": figure("step response", lambda: drawn_chart(step_figure(loop.steps))),
-        "tables": feedback_tables(loop.feedback),
-        "effects": listed([str(e["name"]).replace("_", " ") for e in result.get("effects") or ()]),
-        "remarks": loop.remarks,
-    }

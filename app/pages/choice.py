@@ -1,4 +1,4 @@
-"""Parts of the start page that choose the runs of a fit, and the request for the fit."""
+"""Choice of the runs of a fit on the start page, their precision, and the request for the fit."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ from app.composition import Services
 from app.errors import FieldRefused
 from app.fits.schemas import FitCreate
 from app.http.dependencies import CallerDep, ServicesDep
-from app.pages.choice_views import choice_view, prospects_view
-from app.pages.rendering import help_prefix, page
-from app.runs.roles import ROLES
+from app.pages.forms import number, texts_of
+from app.pages.rendering import Page
+from app.pages.views import located, run_view
+from app.runs.choice import ROLES
+from app.runs.schemas import RunOut
 from app.texts import parts
+from identification.result.numbers import number_text, unit_prefix, unit_text
 
 __all__ = ["MotorFilter", "choice_of", "options_from", "router"]
 
@@ -27,6 +30,8 @@ router = APIRouter(include_in_schema=False)
 
 _MOST_ROWS = 200
 _ROLE = "role."
+_INTERVAL = 1.645
+"""Half width of a 90 % interval of a normal distribution [standard deviations]."""
 
 MotorFilter = Annotated[str | None, Query(max_length=200)]
 
@@ -42,34 +47,41 @@ def choice_of(services: Services, caller: Caller, motor: str | None) -> dict[str
     wanted = None if motor == "*" else motor
     runs, more = services.runs.page(caller, after=None, limit=_MOST_ROWS, motor=wanted)
     roles, is_proposal = services.choice.roles(runs)
-    return choice_view(
-        runs,
-        roles,
-        is_proposal=is_proposal,
-        has_more=more is not None,
-        motor=motor,
-        motors=services.choice.motors(caller),
-    )
+    return {
+        "runs": [run_view(RunOut.of(run)) | {"role": roles[run.id]} for run in runs],
+        "training": sum(role == "training" for role in roles.values()),
+        "validation": sum(role == "validation" for role in roles.values()),
+        "is_proposal": is_proposal and bool(runs),
+        "has_more": more is not None,
+        "motor": motor,
+        "motors": services.choice.motors(caller),
+        "is_mixed": len({run.motor for run in runs if roles[run.id]}) > 1,
+    }
 
 
 @router.get("/choice")
-def show(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) -> HTMLResponse:
+def show(
+    page: Page, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
+) -> HTMLResponse:
     """Runs of one motor."""
     return page("choice", choice=choice_of(services, caller, motor))
 
 
 @router.post("/choice")
 async def choose(
-    request: Request, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
+    page: Page,
+    request: Request,
+    services: ServicesDep,
+    caller: CallerDep,
+    motor: MotorFilter = None,
 ) -> HTMLResponse:
     """Store the roles in the form, or those of a gesture: all, none, pattern, proposal."""
-    form = await _texts(request)
-    return await to_thread.run_sync(_chosen, services, caller, motor, form)
+    form = await texts_of(request)
+    await to_thread.run_sync(_choose, services, caller, form)
+    return page("choice", choice=await to_thread.run_sync(choice_of, services, caller, motor))
 
 
-def _chosen(
-    services: Services, caller: Caller, motor: str | None, form: Mapping[str, str]
-) -> HTMLResponse:
+def _choose(services: Services, caller: Caller, form: Mapping[str, str]) -> None:
     roles = _roles(form)
     runs = [services.runs.get(caller, run_id) for run_id in roles]
     gesture = form.get("gesture", "")
@@ -84,26 +96,26 @@ def _chosen(
             run.role = None
         roles, _ = services.choice.roles(runs)
     services.choice.set_roles(caller, roles)
-    return page("choice", choice=choice_of(services, caller, motor))
 
 
 @router.post("/prospects")
-async def prospects(request: Request, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+async def prospects(
+    page: Page, request: Request, services: ServicesDep, caller: CallerDep
+) -> HTMLResponse:
     """Show what a fit of the training runs in the form can identify."""
-    form = await _texts(request)
+    form = await texts_of(request)
     training = _of_role(form, "training")
     found = None
     if training:
         services.reading.check()
         found = await services.reading.run(services.choice.prospects, caller, training)
-    return page(
-        "prospects", prospects=prospects_view(found, len(training)), help=help_prefix(services)
-    )
+    return page("prospects", prospects=_prospects_view(found, len(training)))
 
 
 @router.post("/runs/{run_id}/motor")
 def rename(
     run_id: str,
+    page: Page,
     services: ServicesDep,
     caller: CallerDep,
     name: Annotated[str, Form(max_length=1_000)] = "",
@@ -116,7 +128,7 @@ def rename(
 
 @router.delete("/runs/{run_id}")
 def delete(
-    run_id: str, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
+    run_id: str, page: Page, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
 ) -> HTMLResponse:
     """Delete a run."""
     services.runs.delete(caller, run_id)
@@ -126,7 +138,7 @@ def delete(
 @router.post("/fits")
 async def start(request: Request, services: ServicesDep, caller: CallerDep) -> Response:
     """Request the fit of the form and open its page."""
-    form = await _texts(request)
+    form = await texts_of(request)
     fit = await to_thread.run_sync(_started, services, caller, form)
     return Response(status_code=204, headers={"HX-Redirect": f"/fits/{fit}"})
 
@@ -147,7 +159,7 @@ def _started(services: Services, caller: Caller, form: Mapping[str, str]) -> str
         first = error.errors(include_url=False, include_context=False)[0]
         field = ".".join(str(part) for part in first["loc"]).removeprefix("options.")
         raise FieldRefused(f"{field}: {first['msg']}", field) from error
-    return services.fits.create(caller, body.request(), None).row.id
+    return services.fits.create(caller, body.request(body.options), None).row.id
 
 
 def options_from(form: Mapping[str, str]) -> dict[str, Any]:
@@ -161,7 +173,7 @@ def options_from(form: Mapping[str, str]) -> dict[str, Any]:
         "set_aside": contradicting == "set_aside",
         "force": contradicting == "force",
         "temperatures": [
-            _number("temperatures", part) for part in parts(form.get("temperatures", ""))
+            number("temperatures", part) for part in parts(form.get("temperatures", ""))
         ],
         "controllers": _words(form.get("controllers", "")),
         # Blanks around the signs are allowed, as in "Kt25 = 0.048 ± 5 %".
@@ -169,25 +181,13 @@ def options_from(form: Mapping[str, str]) -> dict[str, Any]:
             re.sub(r"\s+%", "%", re.sub(r"\s*(=|\+-|±)\s*", r"\1", form.get("known", "")))
         ),
         "nameplate": form.get("nameplate", "").strip(),
-        "seed": int(_number("seed", form.get("seed", "0") or "0")),
+        "seed": int(number("seed", form.get("seed", "0") or "0")),
     }
 
 
 def _words(text: str) -> list[str]:
     """Parts of a text, separated by blanks, semicolons, or commas followed by a blank."""
     return [word for word in re.split(r"[\s;]+|,\s+", text.strip()) if word]
-
-
-def _number(field: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise FieldRefused(f"{field}: {text[:40]!r} is not a number", field) from error
-
-
-async def _texts(request: Request) -> dict[str, str]:
-    async with request.form(max_files=0, max_fields=1_000) as form:
-        return {name: value for name, value in form.items() if isinstance(value, str)}
 
 
 def _roles(form: Mapping[str, str]) -> dict[str, str]:
@@ -199,3 +199,48 @@ def _of_role(form: Mapping[str, str], role: str) -> list[str]:
     """Runs of a role in the order of upload; the table starts with the newest run."""
     assert role in ROLES
     return [run_id for run_id, chosen in reversed(_roles(form).items()) if chosen == role]
+
+
+def _prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str, Any]:
+    """View of the preview of the training runs; None if no run is chosen."""
+    if found is None:
+        return {"training": 0}
+    units = {n: unit_prefix(e["unit"], [e["value"]]) for n, e in found["parameters"].items()}
+    parameters = [
+        {
+            "name": name,
+            "value": number_text(units[name][0] * entry["value"], 3),
+            "unit": unit_text(units[name][1]),
+            "precision": _precision(entry),
+            "identified": entry["identified"],
+            "advice": entry["advice"],
+        }
+        for name, entry in found["parameters"].items()
+    ]
+    lacking = [p["name"] for p in parameters if not p["identified"]]
+    return {
+        "training": training,
+        "parameters": parameters,
+        "lacking": lacking,
+        "errors": [
+            {"text": ": ".join(filter(None, (e["file"], located(e)))), "code": e["code"]}
+            for e in found["errors"]
+        ],
+        "findings": [
+            {
+                "is_refused": f["severity"] == "refuse",
+                "code": f["code"],
+                "text": ": ".join(word for word in (f["file"], f["column"], f["message"]) if word),
+            }
+            for f in found["findings"]
+        ],
+        "notes": found["notes"],
+    }
+
+
+def _precision(entry: Mapping[str, Any]) -> str:
+    """Half width of the expected 90 % interval in percent of the value."""
+    if entry["expected_sd"] is None or not entry["value"]:
+        return "unknown"
+    percent = 100.0 * _INTERVAL * entry["expected_sd"] / abs(entry["value"])
+    return f"± {percent:.2g} %" if percent < 99.5 else "above 100 %"

@@ -2,43 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
+from app.access.service import Caller
 from app.batches.schemas import BatchSummary
-from app.errors import BadKey
-from app.fits.schemas import FitSummary
+from app.composition import Services
+from app.errors import BadKey, FileLost, NotFound, NotReady
+from app.fits.schemas import FitOut, FitSummary
 from app.http import API_PREFIX, LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
 from app.http.gate import COOKIE, session_of
 from app.pages.analyses import router as analyses
 from app.pages.choice import MotorFilter, choice_of
-from app.pages.fits import router as fits
-from app.pages.pending_views import pending_list_view
-from app.pages.rendering import help_prefix, page
+from app.pages.pending import finding_view, pending_list_view
+from app.pages.rendering import Page
+from app.pages.results import result_view
 from app.pages.views import batch_view, fit_view
 from app.texts import sentence
 
 __all__ = ["router"]
 
 router = APIRouter(include_in_schema=False)
-router.include_router(fits)
 router.include_router(analyses)
 
 _MOST_BATCHES = 50
 
 
 @router.get("/")
-def home(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) -> HTMLResponse:
+def home(
+    page: Page, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
+) -> HTMLResponse:
     """Start page with runs, fits and batches."""
     fits, _ = services.fits.page(caller, after=None, limit=100, status=None, motor=None)
     batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
     return page(
         "home",
-        caller=caller,
-        help=help_prefix(services),
         pending=pending_list_view(services.pending.all(caller)),
         benches=services.pending.benches(caller),
         choice=choice_of(services, caller, motor),
@@ -48,15 +50,13 @@ def home(services: ServicesDep, caller: CallerDep, motor: MotorFilter = None) ->
 
 
 @router.get("/docs")
-def docs(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+def docs(page: Page) -> HTMLResponse:
     """Interactive documentation of the HTTP interface."""
-    return page(
-        "docs", caller=caller, help=help_prefix(services), description=f"{API_PREFIX}/openapi.json"
-    )
+    return page("docs", description=f"{API_PREFIX}/openapi.json")
 
 
 @router.get(LOGIN_PATH)
-def login(services: ServicesDep) -> Response:
+def login(page: Page, services: ServicesDep) -> Response:
     """Login page, which asks for a key."""
     if services.settings.no_auth:
         return RedirectResponse("/", status_code=303)
@@ -65,7 +65,7 @@ def login(services: ServicesDep) -> Response:
 
 @router.post(LOGIN_PATH)
 def sign_in(
-    request: Request, services: ServicesDep, key: Annotated[str, Form(max_length=200)]
+    page: Page, request: Request, services: ServicesDep, key: Annotated[str, Form(max_length=200)]
 ) -> Response:
     """Check a key and set a session cookie."""
     lifetime_s = services.settings.session_s
@@ -94,3 +94,55 @@ def sign_out(request: Request, services: ServicesDep, caller: CallerDep) -> Resp
     answer = RedirectResponse(LOGIN_PATH, status_code=303)
     answer.delete_cookie(COOKIE, httponly=True, samesite="strict")
     return answer
+
+
+@router.get("/fits/{fit_id}")
+def fit_page(fit_id: str, page: Page, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """Page of one fit: its progress, then its result."""
+    fit = FitOut.of(services.fits.get(caller, fit_id))
+    outcome = None
+    if fit.result is not None:
+        outcome = result_view(fit.result, _report(services, caller, fit_id))
+    files = _files(services, caller, (*fit.training, *fit.validation))
+    return page(
+        "fit",
+        fit=fit_view(fit, files),
+        outcome=outcome,
+        contradictions=[finding_view(one) for one in (fit.error and fit.error.findings) or ()],
+        first_run=next(iter((*fit.validation, *fit.training)), ""),
+    )
+
+
+def _files(services: Services, caller: Caller, run_ids: Iterable[str]) -> dict[str, str]:
+    """File names of runs by ID."""
+    files = {}
+    for run_id in run_ids:
+        try:
+            files[run_id] = services.runs.get(caller, run_id).file
+        except NotFound:
+            files[run_id] = "deleted run"
+    return files
+
+
+def _report(services: Services, caller: Caller, fit_id: str) -> str:
+    """Text of a report; empty if it cannot be read, because the page has more than its figures."""
+    try:
+        with services.fits.report(caller, fit_id) as file:
+            return file.read().decode("utf-8", "replace")
+    except (FileLost, NotReady):
+        return ""
+
+
+@router.get("/fits/{fit_id}/report")
+def report_page(fit_id: str, page: Page, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """Report of a fit below the bar of the pages, with the way back."""
+    # Closed at once; a fit without a report is an error of this page and not of its frame.
+    services.fits.report(caller, fit_id).close()
+    motor = services.fits.row(caller, fit_id).motor
+    return page(
+        "framed",
+        title=f"Report: {motor or 'motor without name'}",
+        address=f"{API_PREFIX}/fits/{fit_id}/report{'?help' * bool(services.settings.help_dir)}",
+        back=f"/fits/{fit_id}",
+        back_text=motor or "Fit",
+    )

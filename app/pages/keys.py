@@ -16,7 +16,7 @@ from app.access.service import Caller
 from app.composition import Services
 from app.errors import FieldRefused, NotFound, NotOwner
 from app.http.dependencies import CallerDep, ServicesDep
-from app.pages.rendering import help_prefix, page
+from app.pages.rendering import Page
 from app.pages.views import when
 from app.tables import KeyRow
 from app.texts import moment
@@ -28,14 +28,15 @@ router = APIRouter(prefix="/keys", include_in_schema=False)
 
 
 @router.get("")
-def show(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+def show(page: Page, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Keys of the workspace."""
     _check_owner(caller)
-    return _page(services, caller)
+    return _shown(page, services, caller)
 
 
 @router.post("")
 def create(
+    page: Page,
     services: ServicesDep,
     caller: CallerDep,
     name: Annotated[str, Form(max_length=200)],
@@ -44,17 +45,18 @@ def create(
 ) -> HTMLResponse:
     """Create a key of the workspace and show its secret once."""
     _check_owner(caller)
-    _refuse_without_keys(caller)
+    if caller.key_id is None:
+        raise FieldRefused("this service requires no keys (--no-auth)", "name")
     try:
         lifetime = float(days.replace(",", ".")) if days.strip() else None
         _, secret = services.access.create_key(
             name.strip(), caller.workspace, days=lifetime, owner=owner
         )
     except ValueError:
-        return _page(services, caller, problem=f"days: {days!r} is not a number", name=name)
+        return _shown(page, services, caller, problem=f"days: {days!r} is not a number", name=name)
     except OptionError as error:
-        return _page(services, caller, problem=str(error), name=name)
-    return _page(services, caller, secret=secret)
+        return _shown(page, services, caller, problem=str(error), name=name)
+    return _shown(page, services, caller, secret=secret)
 
 
 @router.post("/{key_id}/revoke")
@@ -81,20 +83,19 @@ def _check_owner(caller: Caller) -> None:
         )
 
 
-def _refuse_without_keys(caller: Caller) -> None:
-    if caller.key_id is None:
-        raise FieldRefused("this service requires no keys (--no-auth)", "name")
-
-
-def _page(
-    services: Services, caller: Caller, *, secret: str = "", problem: str = "", name: str = ""
+def _shown(
+    page: Page,
+    services: Services,
+    caller: Caller,
+    *,
+    secret: str = "",
+    problem: str = "",
+    name: str = "",
 ) -> HTMLResponse:
     keys = reversed(services.access.list_keys(caller.workspace))
     return page(
         "keys",
         status=422 if problem else 200,
-        caller=caller,
-        help=help_prefix(services),
         keys=[_key_view(key, caller) for key in keys],
         secret=secret,
         problem=problem,

@@ -1,8 +1,11 @@
-"""Parts of the start page that show pending runs and take corrections of their mapping."""
+"""Pending runs on the start page: what was understood of a file, and corrections of its mapping."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import json
+import re
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Final
 
 from anyio import to_thread
 from fastapi import APIRouter, Form, Request, Response
@@ -12,12 +15,13 @@ from app.access.service import Caller
 from app.composition import Services
 from app.http import PENDING_PATH
 from app.http.dependencies import CallerDep, ServicesDep
-from app.pages.mapping_form import mapping_from
-from app.pages.pending_views import pending_list_view, pending_view
-from app.pages.rendering import help_prefix, page
+from app.pages.forms import number, texts_of
+from app.pages.rendering import Page
+from app.pages.views import duration, located, span
 from app.runs.endpoints import receive
+from app.tables import PendingRow
 
-__all__ = ["router"]
+__all__ = ["finding_view", "pending_list_view", "pending_view", "router"]
 
 router = APIRouter(prefix=PENDING_PATH, include_in_schema=False)
 
@@ -25,15 +29,42 @@ _FIELDS = {"motor": 1_000, "bench": 1_000}
 
 Label = Annotated[str, Form(max_length=1_000)]
 
+_CHANNELS: Final = {
+    "time_s": "Time",
+    "voltage_V": "Voltage",
+    "current_A": "Current",
+    "speed_rad_s": "Speed",
+    "temperature_degC": "Temperature",
+    "position_rad": "Shaft angle",
+    "duty": "Duty cycle",
+    "bus_voltage_V": "Bus voltage",
+}
+"""Channels with the names that the pages show."""
+
+_OPTIONAL: Final = ("temperature_degC", "position_rad", "duty", "bus_voltage_V")
+"""Channels that a run may lack."""
+
+_FACTORS = ("duty", "bus_voltage_V")
+_SCALED = re.compile(r"(?P<header>.*) \* (?P<factor>\S+)(?: in (?P<unit>\S+))?")
+"""Mapping without offset and period, as the checks propose it."""
+
+_STATES = {
+    "ready": "ready",
+    "contradictory": "contradictory",
+    "unreadable": "needs a correction",
+}
+
 
 @router.get("")
-def show_all(services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+def show_all(page: Page, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """All pending runs."""
-    return _section(services, caller)
+    return _section(page, services, caller)
 
 
 @router.post("")
-async def add(request: Request, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+async def add(
+    request: Request, page: Page, services: ServicesDep, caller: CallerDep
+) -> HTMLResponse:
     """Receive and examine one file."""
     services.reading.check()
     upload = await receive(request, services, _FIELDS)
@@ -41,17 +72,17 @@ async def add(request: Request, services: ServicesDep, caller: CallerDep) -> HTM
         row = await services.reading.run(services.pending.add, caller, upload)
     finally:
         upload.path.unlink(missing_ok=True)
-    return page("pending_run", run=pending_view(row), help=help_prefix(services))
+    return page("pending_run", run=pending_view(row))
 
 
 @router.post("/labels")
 async def relabel(
-    services: ServicesDep, caller: CallerDep, motor: Label = "", bench: Label = ""
+    page: Page, services: ServicesDep, caller: CallerDep, motor: Label = "", bench: Label = ""
 ) -> HTMLResponse:
     """Set motor and bench of all pending runs."""
     services.reading.check()
     await services.reading.run(services.pending.relabel, caller, motor, bench)
-    return await to_thread.run_sync(_section, services, caller)
+    return await to_thread.run_sync(_section, page, services, caller)
 
 
 @router.post("/confirm")
@@ -62,39 +93,32 @@ def confirm(services: ServicesDep, caller: CallerDep) -> Response:
 
 
 @router.post("/{run_id}/reopen")
-async def reopen(run_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+async def reopen(run_id: str, page: Page, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Make a pending run of a stored run, to correct its mapping."""
     services.reading.check()
     await services.reading.run(services.pending.reopen, caller, run_id)
-    return await to_thread.run_sync(_section, services, caller)
+    return await to_thread.run_sync(_section, page, services, caller)
 
 
 @router.post("/{run_id}/mapping")
 async def correct(
-    run_id: str, request: Request, services: ServicesDep, caller: CallerDep
+    run_id: str, page: Page, request: Request, services: ServicesDep, caller: CallerDep
 ) -> HTMLResponse:
     """Examine a pending run with the mapping selected in its form."""
     row = await to_thread.run_sync(services.pending.get, caller, run_id)
-    async with request.form(max_files=0, max_fields=100) as form:
-        texts = {name: value for name, value in form.items() if isinstance(value, str)}
-    mapping = mapping_from(texts, row.mapping or {})
+    mapping = _mapping_from(await texts_of(request), row.mapping or {})
     services.reading.check()
     row = await services.reading.run(services.pending.correct, caller, run_id, mapping)
     rows = await to_thread.run_sync(services.pending.all, caller)
     # The button above the list counts the runs that can be added now.
-    return page(
-        "pending_corrected",
-        run=pending_view(row),
-        pending=pending_list_view(rows),
-        help=help_prefix(services),
-    )
+    return page("pending_corrected", run=pending_view(row), pending=pending_list_view(rows))
 
 
 @router.delete("/{run_id}")
-def discard(run_id: str, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+def discard(run_id: str, page: Page, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Discard a pending run."""
     services.pending.discard(caller, run_id)
-    return _section(services, caller)
+    return _section(page, services, caller)
 
 
 @router.get("/{run_id}/samples")
@@ -103,9 +127,180 @@ def samples(run_id: str, services: ServicesDep, caller: CallerDep) -> JSONRespon
     return JSONResponse(services.pending.get(caller, run_id).found["samples"])
 
 
-def _section(services: Services, caller: Caller) -> HTMLResponse:
-    return page(
-        "pending",
-        pending=pending_list_view(services.pending.all(caller)),
-        help=help_prefix(services),
-    )
+def _section(page: Page, services: Services, caller: Caller) -> HTMLResponse:
+    return page("pending", pending=pending_list_view(services.pending.all(caller)))
+
+
+def pending_list_view(rows: Sequence[PendingRow]) -> dict[str, Any]:
+    """View of all pending runs."""
+    readable = [row for row in rows if row.found["summary"] is not None]
+    return {
+        "runs": [pending_view(row) for row in rows],
+        "readable": len(readable),
+        "motor": next((row.motor for row in rows if row.motor), ""),
+        "bench": next((row.bench for row in rows if row.bench), ""),
+    }
+
+
+def pending_view(row: PendingRow) -> dict[str, Any]:
+    """View of one pending run."""
+    preview, summary = row.found["preview"], row.found["summary"]
+    is_contradictory = any(f["severity"] == "refuse" for f in preview["findings"])
+    state = "contradictory" if is_contradictory else "ready"
+    if summary is None:
+        state = "unreadable"
+    suggested = {name: {"column": title} for name, title in row.found["suggested"].items()}
+    chosen = preview["mapping"] if summary is not None else suggested | (row.mapping or {})
+    # The warnings of a run repeat its contradictions.
+    found = {finding["code"] for finding in preview["findings"]}
+    # Duty and bus voltage stand for a voltage without a column of its own.
+    is_product = "voltage_V" not in chosen
+    return {
+        "id": row.id,
+        "file": row.file,
+        "state": state,
+        "state_text": _STATES[state],
+        "facts": [] if summary is None else _facts(summary),
+        "errors": [
+            {
+                "text": located(error) + _remedy(error.get("examples", [])),
+                "code": error["code"],
+            }
+            for error in preview["errors"]
+        ],
+        "findings": [finding_view(finding) for finding in preview["findings"]],
+        "warnings": [
+            {"text": located(warning), "code": warning["code"]}
+            for warning in (summary or {}).get("warnings", ())
+            if warning["code"] not in found
+        ],
+        "channels": [
+            _channel(
+                name,
+                chosen.get(name) or {},
+                row.found["columns"],
+                summary,
+                is_required=name not in _OPTIONAL
+                and not (name == "voltage_V" and "duty" in chosen),
+            )
+            for name in _CHANNELS
+            if name not in _FACTORS or is_product
+        ],
+        "has_columns": bool(row.found["columns"]),
+        "has_plot": summary is not None,
+    }
+
+
+def _remedy(examples: Sequence[Mapping[str, Any]]) -> str:
+    """Remedy on the page for a fault that a mapping corrects."""
+    if not examples:
+        return ""
+    text = json.dumps(examples[0], ensure_ascii=False)
+    # The page has fields for all of a mapping except the period.
+    if '"period":' in text:
+        return f", or upload it by HTTP with the mapping {text}"
+    return ", or select it below"
+
+
+def _facts(summary: Mapping[str, Any]) -> list[str]:
+    return [
+        f"{summary['rows']:,} samples".replace(",", "\u202f"),
+        f"{summary['sample_rate_hz']:.4g} Hz",
+        duration(summary["duration_s"]),
+    ]
+
+
+def finding_view(finding: Mapping[str, Any]) -> dict[str, Any]:
+    """View of a contradiction with its corrections in the fields of the page."""
+    label = _CHANNELS.get(finding["column"] or "", "")
+    return {
+        "file": finding["file"],
+        "is_refused": finding["severity"] == "refuse",
+        "text": f"{label}: {finding['message']}" if label else finding["message"],
+        "corrections": [_correction(words) for words in finding["corrections"]],
+        "code": finding["code"],
+    }
+
+
+def _correction(words: str) -> str:
+    """Correction in the fields of the page, from ``FILE:CHANNEL=HEADER * FACTOR in UNIT``."""
+    place, _, source = words.partition("=")
+    label = _CHANNELS[place.rpartition(":")[2]].lower()
+    found = _SCALED.fullmatch(source)
+    if found is None:
+        return f"{label} from {source or 'no column'}"
+    factor = float(found["factor"])
+    parts = [f"{label} from column {found['header']}", f"sign {'−' if factor < 0.0 else '+'}"]
+    parts += [f"unit {found['unit']}"] if found["unit"] else []
+    parts += [f"factor {abs(factor):.12g}"] if abs(factor) != 1.0 else []
+    return ", ".join(parts)
+
+
+def _channel(
+    name: str,
+    entry: Mapping[str, Any],
+    columns: Sequence[Mapping[str, Any]],
+    summary: Mapping[str, Any] | None,
+    *,
+    is_required: bool,
+) -> dict[str, Any]:
+    """Fields of one channel, with the options of its menus."""
+    # Lazy import: pandas would slow down every start.
+    from identification.ingest.units import UNITS, canonical_unit
+
+    column, unit = entry.get("column", ""), entry.get("unit", "")
+    titles = list(dict.fromkeys(column["title"] for column in columns))
+    if column and column not in titles:
+        # A column of the mapping that the file lacks stays visible next to the error.
+        titles.append(column)
+    scale = float(entry.get("scale", 1.0))
+    found = (summary or {}).get("channels", {}).get(name)
+    header = next((c["unit"] for c in columns if c["title"] == column), None)
+    return {
+        "name": name,
+        "label": _CHANNELS[name],
+        "column": column,
+        "titles": titles,
+        "unit": unit,
+        "units": [u.name for u in UNITS if u.quantity == canonical_unit(name).quantity],
+        "header_unit": header,
+        "is_negative": scale < 0.0,
+        "factor": f"{abs(scale):.12g}",
+        "offset": f"{float(entry.get('offset', 0.0)):.12g}",
+        "range": span(name, found["min"], found["max"]) if found else "",
+        "is_required": is_required,
+    }
+
+
+def _mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Mapping selected in a form, given the one before.
+
+    The fields are `CHANNEL.column`, `.was` (the column before), `.unit`, `.sign`, `.factor` and
+    `.offset`.
+
+    The unit belongs to the column: if another column is selected, its header gives the unit.  A
+    channel without a column is left to the header, unless the user has removed its column.
+
+    Raises:
+        FieldRefused: A factor or an offset is not a finite number.
+    """
+    mapping: dict[str, Any] = {}
+    for channel in _CHANNELS:
+        column, was = (form.get(f"{channel}.{field}", "") for field in ("column", "was"))
+        if not column:
+            if channel in _OPTIONAL and (was or earlier.get(channel, "") is None):
+                mapping[channel] = None
+            continue
+        entry: dict[str, Any] = {"column": column}
+        if column == was and form.get(f"{channel}.unit"):
+            entry["unit"] = form[f"{channel}.unit"]
+        scale = number(f"{channel}.factor", form.get(f"{channel}.factor", ""), 1.0)
+        scale *= -1.0 if form.get(f"{channel}.sign") == "-" else 1.0
+        offset = number(f"{channel}.offset", form.get(f"{channel}.offset", ""), 0.0)
+        if (scale, offset) != (1.0, 0.0):
+            entry |= {"scale": scale, "offset": offset}
+        before = earlier.get(channel) or {}
+        if column == was and "period" in before:
+            entry["period"] = before["period"]
+        mapping[channel] = entry
+    return mapping or None

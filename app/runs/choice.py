@@ -1,10 +1,16 @@
-"""Choice of the runs of a fit: roles, motor names, and what the chosen runs can identify."""
+"""Choice of the runs of a fit: roles, motor names, and what the chosen runs can identify.
+
+A validation run is predicted by a model of the training runs.  The prediction says most about the
+model if it is an interpolation, so the run is proposed whose removal narrows the ranges of the
+training runs least.
+"""
 
 from __future__ import annotations
 
 import fnmatch
+import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from sqlalchemy import select
 
@@ -13,13 +19,17 @@ from app.access.service import Caller
 from app.database import Database
 from app.errors import FieldRefused
 from app.runs.reading import RunReader
-from app.runs.roles import ROLES, proposed_roles
 from app.storage import Storage
 from app.tables import RunRow
 from app.texts import check_text, checked_label
 
-__all__ = ["RunChoice"]
+__all__ = ["ROLES", "RunChoice", "proposed_roles"]
 
+ROLES: Final = ("training", "validation")
+
+_VALIDATION = re.compile(r"(?<![a-z])(valid|val(?![a-z])|test|holdout|check)", re.IGNORECASE)
+_FEWEST = 3
+"""Smallest number of runs of which one is set apart; with two, each has half of the information."""
 _MOST_KEPT = 100
 
 
@@ -91,9 +101,36 @@ class RunChoice:
         key = tuple(run_ids)
         if key not in self._previews:
             files = [(self._storage.run(row.id), row.file, row.mapping) for row in rows]
-            found = self._reader.prospects(files)
+            found = self._reader.preview(*files)
             while len(self._previews) >= _MOST_KEPT:
                 self._previews.pop(next(iter(self._previews)))
             # The content of a run never changes, so a preview stays valid.
             self._previews[key] = found
         return self._previews[key]
+
+
+def proposed_roles(runs: Sequence[RunRow]) -> dict[str, str]:
+    """Role of each run by ID: by its file name, or else the least extreme run validates.
+
+    The runs are those of one motor in the order of recording.
+    """
+    named = {run.id for run in runs if _VALIDATION.search(run.file)}
+    if not named or len(named) == len(runs):
+        named = set()
+        if len(runs) >= _FEWEST:
+            # The latest of equals, as if the motor were predicted after the others were recorded.
+            named = {min(reversed(runs), key=lambda run: _narrowing(run, runs)).id}
+    return {run.id: ROLES[run.id in named] for run in runs}
+
+
+def _narrowing(run: RunRow, runs: Sequence[RunRow]) -> float:
+    """Relative loss of range of all channels if the run is removed, 0 to the number of channels."""
+    others = [other for other in runs if other is not run]
+    return sum(1.0 - _width(others, name) / (_width(runs, name) or 1.0) for name in run.channels)
+
+
+def _width(runs: Sequence[RunRow], name: str) -> float:
+    found: list[Mapping[str, float]] = [r.channels[name] for r in runs if name in r.channels]
+    if not found:
+        return 0.0
+    return max(entry["max"] for entry in found) - min(entry["min"] for entry in found)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import AsyncGenerator, Mapping
 from contextlib import aclosing
-from typing import Annotated
 
 import anyio
 from anyio import to_thread
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Request, Response
 
 from app.composition import Services
 from app.errors import BodyTooSlow
-from app.http.dependencies import After, CallerDep, ServicesDep
+from app.http.dependencies import After, CallerDep, Limit, OnlyMotor, ServicesDep
 from app.http.problems import responses
 from app.runs.schemas import UPLOAD_BODY, PreviewOut, RunList, RunOut
 from app.runs.upload import FIELDS, Upload, UploadForm, boundary_of
@@ -87,13 +86,9 @@ async def preview_run(request: Request, services: ServicesDep, _: CallerDep) -> 
 def list_runs(
     services: ServicesDep,
     caller: CallerDep,
-    limit: Annotated[
-        int, Query(ge=1, le=1000, description="Maximum number of runs on a page.")
-    ] = 100,
+    limit: Limit = 100,
     after: After = None,
-    motor: Annotated[
-        str | None, Query(max_length=200, description="Only runs of this motor.")
-    ] = None,
+    motor: OnlyMotor = None,
 ) -> RunList:
     """List runs, newest first."""
     return RunList.of(*services.runs.page(caller, after=after, limit=limit, motor=motor))

@@ -58,7 +58,7 @@ def _preview(task: dict[str, Any], limits: Limits, answers: Answers) -> None:
     """Send the preview of files, first without the precision, whose computation may fail."""
     from identification.preview import examine
 
-    files = [(task["path"], task["name"], task["mapping"]), *task.get("further", [])]
+    files = [(task["path"], task["name"], task["mapping"]), *task["further"]]
     mapping = task["mapping"]
     names = [name for _, name, _ in files]
     if len(files) > 1:

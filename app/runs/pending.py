@@ -22,15 +22,16 @@ from app.database import Database
 from app.disk import open_regular
 from app.errors import FileLost
 from app.identifiers import new_id
-from app.runs import repository
 from app.runs.reading import RunReader
-from app.runs.service import mapping_digest
+from app.runs.service import new_run, stored_before
 from app.runs.upload import Upload
 from app.storage import Storage, refused_when_full
 from app.tables import BenchRow, PendingRow, RunRow
 from app.texts import checked_label
 
 __all__ = ["PendingRuns"]
+
+_KEPT = ("id", "file", "motor", "bytes")
 
 
 class PendingRuns:
@@ -62,20 +63,16 @@ class PendingRuns:
             self._quotas.check_run(session, caller.workspace, upload.size)
             saved = _mapping_of_bench(session, caller.workspace, bench)
         found = self._reader.pending(upload.path, upload.name, saved, is_of_bench=True)
-        row = PendingRow(
-            id=new_id("run"),
-            workspace=caller.workspace,
+        return self._keep(
+            caller,
+            upload.path,
+            found,
             sha256=upload.sha256,
             bytes=upload.size,
             file=upload.name,
             motor=motor,
             bench=bench,
-            mapping=found["mapping"],
-            found=found,
-            created_at=time.time(),
         )
-        self._keep(caller, upload.path, row)
-        return row
 
     def all(self, caller: Caller) -> Sequence[PendingRow]:
         """Pending runs in the order of upload."""
@@ -139,27 +136,31 @@ class PendingRuns:
         self._keep(
             caller,
             copy,
-            PendingRow(
-                id=new_id("run"),
-                workspace=caller.workspace,
-                sha256=run.sha256,
-                bytes=run.bytes,
-                file=run.file,
-                motor=run.motor,
-                bench=None,
-                mapping=run.mapping,
-                found=found,
-                created_at=time.time(),
-            ),
+            found,
+            sha256=run.sha256,
+            bytes=run.bytes,
+            file=run.file,
+            motor=run.motor,
         )
 
-    def _keep(self, caller: Caller, file: Path, row: PendingRow) -> None:
+    def _keep(
+        self, caller: Caller, source: Path, found: dict[str, Any], **columns: Any
+    ) -> PendingRow:
+        row = PendingRow(
+            id=new_id("run"),
+            workspace=caller.workspace,
+            mapping=found["mapping"],
+            found=found,
+            created_at=time.time(),
+            **columns,
+        )
         # The file first: a sweep deletes a file without a row.
         with refused_when_full("run"):
-            self._storage.keep_run(file, row.id)
+            self._storage.keep_run(source, row.id)
         with self._database.writing() as session:
             self._quotas.check_run(session, caller.workspace, row.bytes)
             session.add(row)
+        return row
 
     def relabel(self, caller: Caller, motor: str | None, bench: str | None) -> None:
         """Set motor and bench of all pending runs; the mapping of a new bench is applied."""
@@ -186,13 +187,12 @@ class PendingRuns:
             if row.found["summary"] is None:
                 continue
             with self._database.writing() as session:
-                digest = mapping_digest(row.mapping)
-                is_new = (
-                    repository.by_content(session, caller.workspace, row.sha256, digest) is None
-                )
+                content = (caller.workspace, row.sha256, row.mapping)
+                is_new = stored_before(session, *content) is None
                 session.execute(delete(PendingRow).where(PendingRow.id == row.id))
                 if is_new:
-                    repository.add(session, _run_of(row, digest))
+                    columns = {name: getattr(row, name) for name in _KEPT}
+                    session.add(new_run(row.found["summary"], *content, **columns))
             if is_new:
                 new += 1
             else:
@@ -229,20 +229,4 @@ def _save_bench(
             mapping=mapping,
             changed_at=time.time(),
         )
-    )
-
-
-def _run_of(row: PendingRow, digest: str) -> RunRow:
-    summary = row.found["summary"]
-    return RunRow(
-        id=row.id,
-        workspace=row.workspace,
-        sha256=row.sha256,
-        mapping_sha256=digest,
-        mapping=row.mapping,
-        file=row.file,
-        motor=row.motor,
-        bytes=row.bytes,
-        created_at=time.time(),
-        **{name: summary[name] for name in repository.MEASURED},
     )

@@ -1,12 +1,5 @@
 """Reading of uploads by processes with resource limits, and the queue of uploads that wait for it.
 
-    queue = ReadingQueue(readers=2, most_waiting=16)
-    queue.check()                              TooManyUploads if the queue is full
-    await queue.run(service.store, caller, upload)
-
-    reader = RunReader(fork_server, limits, max_rows=10_000_000)
-    summary = reader.read(path, "run1.csv", mapping)     or RunRefused: file, row, column
-
 See `app.runs.parser` for the side of the process.  If the queue is full, a caller gets a retry time
 at once, instead of waiting for an unknown time with its file on disk.
 """
@@ -16,7 +9,7 @@ from __future__ import annotations
 import math
 import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, TypeVarTuple
 
@@ -51,10 +44,6 @@ class RunReader:
         """Rows, sample rate, duration, channels with their ranges, and warnings of a run file."""
         return self._ask("run", path, name, mapping)
 
-    def preview(self, path: Path, name: str, mapping: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Examine a run file as `motorid check` does."""
-        return self._ask("preview", path, name, mapping)
-
     def pending(
         self, path: Path, name: str, mapping: Mapping[str, Any] | None, *, is_of_bench: bool
     ) -> dict[str, Any]:
@@ -68,13 +57,10 @@ class RunReader:
         """
         return self._ask("pending", path, name, mapping, is_of_bench=is_of_bench)
 
-    def prospects(
-        self, files: Sequence[tuple[Path, str, Mapping[str, Any] | None]]
-    ) -> dict[str, Any]:
-        """Preview of several runs of one motor, with the precision that a fit of them can reach."""
-        path, name, mapping = files[0]
+    def preview(self, *files: tuple[Path, str, Mapping[str, Any] | None]) -> dict[str, Any]:
+        """Examine runs of one motor, given as path, name and mapping, as `motorid check` does."""
         further = [(str(path), name, mapping) for path, name, mapping in files[1:]]
-        return self._ask("preview", path, name, mapping, further=further)
+        return self._ask("preview", *files[0], further=further)
 
     def _ask(
         self, kind: str, path: Path, name: str, mapping: Mapping[str, Any] | None, **more: object

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from app.tables import RunRow
-from app.texts import Documented, moment, with_example
+from app.texts import Documented, Moment, with_example
 
 __all__ = ["PreviewOut", "RunList", "RunOut", "UPLOAD_BODY"]
 
@@ -104,22 +104,13 @@ class RunOut(Documented):
     channels: dict[str, ChannelRange]
     mapping: dict[str, Any] | None
     warnings: list[RunWarningOut]
-    created_at: str
+    created_at: Moment
     """UTC, ISO 8601."""
 
     @classmethod
     def of(cls, row: RunRow) -> RunOut:
         """Build the schema from a stored run."""
-        names = ("id", "sha256", "file", "motor", "bytes", "rows", "sample_rate_hz", "duration_s")
-        return cls.model_validate(
-            {name: getattr(row, name) for name in names}
-            | {
-                "channels": row.channels,
-                "mapping": row.mapping,
-                "warnings": row.warnings,
-                "created_at": moment(row.created_at),
-            }
-        )
+        return cls.model_validate(row, from_attributes=True)
 
 
 class PreviewOut(Documented):

@@ -9,7 +9,9 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from sqlalchemy import select, update
 from sqlalchemy.exc import IntegrityError, OperationalError
+from sqlalchemy.orm import Session
 
 from app import queries
 from app.access.quotas import Quotas
@@ -19,15 +21,15 @@ from app.disk import is_full
 from app.errors import FieldRefused, QuotaExceeded, RunInUse
 from app.identifiers import new_id
 from app.metrics import Metrics
-from app.runs import repository
 from app.runs.reading import RunReader
 from app.runs.upload import Upload
 from app.storage import Storage, refused_when_full
-from app.tables import RunRow
+from app.tables import FitRow, FitRunRow, RunRow
 from app.texts import checked_label
 
-__all__ = ["RunService", "mapping_digest"]
+__all__ = ["RunService", "new_run", "stored_before"]
 
+_MEASURED = ("rows", "sample_rate_hz", "duration_s", "channels", "warnings")
 _NOTED_AGAIN_S = 3600.0
 _log = logging.getLogger(__name__)
 
@@ -76,15 +78,14 @@ class RunService:
     def preview(self, upload: Upload) -> dict[str, Any]:
         """Examine an upload without storing it, as `motorid check` does."""
         mapping = _mapping(upload.fields.get("mapping"))
-        return self._reader.preview(upload.path, upload.name, mapping)
+        return self._reader.preview((upload.path, upload.name, mapping))
 
     def _store(self, caller: Caller, upload: Upload) -> tuple[RunRow, bool]:
         motor = checked_label("motor", upload.fields.get("motor"))
         mapping = _mapping(upload.fields.get("mapping"))
-        mapping_sha256 = mapping_digest(mapping)
-        content = (caller.workspace, upload.sha256, mapping_sha256)
+        content = (caller.workspace, upload.sha256, mapping)
         with self._database.reading() as session:
-            known = repository.by_content(session, *content)
+            known = stored_before(session, *content)
             if known is None:
                 # Check early to avoid useless work; the check in the write transaction decides.
                 self._quotas.check_run(session, caller.workspace, upload.size)
@@ -94,17 +95,8 @@ class RunService:
             return known, False
         with self._metrics.read_seconds.time():
             found = self._reader.read(upload.path, upload.name, mapping)
-        row = RunRow(
-            id=new_id("run"),
-            workspace=caller.workspace,
-            sha256=upload.sha256,
-            mapping_sha256=mapping_sha256,
-            mapping=mapping,
-            file=upload.name,
-            motor=motor,
-            bytes=upload.size,
-            created_at=time.time(),
-            **{name: found[name] for name in repository.MEASURED},
+        row = new_run(
+            found, *content, id=new_id("run"), file=upload.name, motor=motor, bytes=upload.size
         )
         # Store the file first: a sweep deletes a file without a row, but a row without a
         # file is a loss.
@@ -113,7 +105,7 @@ class RunService:
         try:
             with self._database.writing() as session:
                 self._quotas.check_run(session, caller.workspace, upload.size)
-                repository.add(session, row)
+                session.add(row)
         except QuotaExceeded:
             self._storage.remove_run(row.id)
             raise
@@ -126,7 +118,7 @@ class RunService:
             # A concurrent upload of the same content was committed first.
             self._storage.remove_run(row.id)
             with self._database.reading() as session:
-                known = repository.by_content(session, *content)
+                known = stored_before(session, *content)
             if known is None:
                 raise
             return known, False
@@ -146,7 +138,7 @@ class RunService:
         now = time.time()
         if now - (row.sent_at or row.created_at) > _NOTED_AGAIN_S:
             with self._database.writing() as session:
-                repository.note_sent(session, row.id, now)
+                session.execute(update(RunRow).where(RunRow.id == row.id).values(sent_at=now))
 
     def page(
         self, caller: Caller, *, after: str | None, limit: int, motor: str | None
@@ -169,18 +161,53 @@ class RunService:
             RunInUse: An unfinished fit needs the run.
         """
         with self._database.writing() as session:
-            queries.known(session, RunRow, caller.workspace, run_id, lock=True)
-            fit_id = repository.waiting_fit(session, run_id)
+            row = queries.known(session, RunRow, caller.workspace, run_id, lock=True)
+            unfinished = (
+                select(FitRow.id)
+                .join(FitRunRow, FitRunRow.fit_id == FitRow.id)
+                .where(FitRunRow.run_id == run_id, FitRow.status.in_(("queued", "running")))
+                .limit(1)
+            )
+            fit_id = session.scalars(unfinished).one_or_none()
             if fit_id is not None:
                 raise RunInUse(
                     f"{run_id} is used by the unfinished fit {fit_id}; cancel the fit or wait "
                     "for its end"
                 )
-            repository.remove(session, run_id)
+            session.delete(row)
         self._storage.remove_run(run_id)
 
 
-def mapping_digest(mapping: Mapping[str, Any] | None) -> str:
+def stored_before(
+    session: Session, workspace: str, sha256: str, mapping: Mapping[str, Any] | None
+) -> RunRow | None:
+    """Run with these bytes and this mapping, or None."""
+    query = select(RunRow).filter_by(
+        workspace=workspace, sha256=sha256, mapping_sha256=_digest(mapping)
+    )
+    return session.scalars(query).one_or_none()
+
+
+def new_run(
+    found: Mapping[str, Any],
+    workspace: str,
+    sha256: str,
+    mapping: dict[str, Any] | None,
+    **columns: Any,
+) -> RunRow:
+    """Row of a run with what the reader found in its file, not stored yet."""
+    return RunRow(
+        workspace=workspace,
+        sha256=sha256,
+        mapping=mapping,
+        mapping_sha256=_digest(mapping),
+        created_at=time.time(),
+        **columns,
+        **{name: found[name] for name in _MEASURED},
+    )
+
+
+def _digest(mapping: Mapping[str, Any] | None) -> str:
     """SHA-256 of a mapping; the same bytes with the same mapping are the same run."""
     text = json.dumps(mapping, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

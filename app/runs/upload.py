@@ -1,9 +1,5 @@
 """Streaming parser for uploads as multipart/form-data.
 
-    form = UploadForm(boundary, target, limit=512_000_000)
-    form.feed(chunk)                 for each chunk of the body
-    upload = form.finish()           hash, size and the other fields
-
 The form is parsed while it arrives, and the file is hashed and written directly to the data
 directory.  An upload of any size therefore needs only a few hundred kilobytes of memory.  The file
 name given by the caller is a label and never a path.
@@ -16,7 +12,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
 
 from python_multipart.exceptions import FormParserError
@@ -125,15 +120,9 @@ class UploadForm:
             self._file = os.fdopen(os.open(target, flags, 0o600), "wb")
 
     def __enter__(self) -> Self:
-        """Return the form itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *details: object) -> None:
         """Close the file; delete it after an exception."""
         if kind is not None:
             self._target.unlink(missing_ok=True)

@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from app.errors import FieldRefused
 from app.queries import cursor_of, position_of
-
-
-@dataclass(frozen=True)
-class Entry:
-    """Entry of a list."""
-
-    id: str
-    created_at: float
+from app.tables import RunRow
 
 
 @given(st.floats(0.0, 1e11), st.from_regex(r"run_[a-z2-7]{26}", fullmatch=True))
 def test_cursor_round_trip_is_exact(moment: float, name: str) -> None:
     """Decoding a cursor gives exactly the time and ID of the last entry."""
-    rows = [Entry(name, moment), Entry("run_" + "z" * 26, 0.0)]
+    rows = [RunRow(id=name, created_at=moment), RunRow(id="run_" + "z" * 26, created_at=0.0)]
 
     cursor = cursor_of(rows, limit=1)
 
@@ -33,7 +24,7 @@ def test_cursor_round_trip_is_exact(moment: float, name: str) -> None:
 
 def test_last_page_has_no_cursor() -> None:
     """A page with at most the requested number of entries is the last one."""
-    rows = [Entry("run_" + "a" * 26, 1.0)]
+    rows = [RunRow(id="run_" + "a" * 26, created_at=1.0)]
 
     assert cursor_of(rows, limit=1) is None
     assert cursor_of([], limit=1) is None

@@ -113,7 +113,7 @@ def test_every_role_that_a_contract_names_exists(role: str) -> None:
         ("identification/reporting/svg.py", "import identification.fit.solve", "report"),
         ("identification/reporting/svg.py", "import scipy.stats", "report"),
         ("identification/quantities.py", "import fastapi", "library"),
-        ("app/runs/endpoints.py", "import app.runs.repository", "endpoints"),
+        ("app/fits/endpoints.py", "import app.fits.repository", "endpoints"),
         ("app/fits/service.py", "import fastapi", "services"),
         ("app/storage.py", "import app.fits.service", "application"),
         ("app/runs/service.py", "import app.runs.endpoints", "application"),

@@ -64,17 +64,16 @@ def run_batch(
     """
     motors = read_manifest(manifest, options)
     with writable_directory(out), _alone_in(out), console.progress_bar(show.quiet) as progress:
-        batch = _Batch(motors, out)
+        batch = _Batch(motors, out, progress)
         try:
             jobs = batch.begin()
-            tell = _BatchProgress(progress, batch)
             if server is None:
-                batch.take(fit_all(jobs, at_once, tell), tell)
+                batch.take(fit_all(jobs, at_once, batch.tell))
             else:
                 from app.commands.batch.remote import fit_all_at, reached
 
                 with reached(server, key, _FIRST_PATIENCE_S, _PATIENCE_S) as service:
-                    batch.take(fit_all_at(service, out, manifest.name, jobs, tell), tell)
+                    batch.take(fit_all_at(service, out, manifest.name, jobs, batch.tell))
         finally:
             batch.write_table()
         remark = batch.write_all(manifest.stem)
@@ -97,12 +96,13 @@ def run_batch(
 class _Batch:
     """Motors in manifest order with the results obtained so far."""
 
-    def __init__(self, motors: Sequence[Motor], out: Path) -> None:
+    def __init__(self, motors: Sequence[Motor], out: Path, progress: console.Progress) -> None:
         self._motors = motors
         self._out = out
+        self._progress = progress
+        self._shares: dict[str, float] = {}
         self._found: dict[str, Refit] = {}
         self._written_at = 0.0
-        self.total = len(motors)
 
     @property
     def refits(self) -> list[Refit]:
@@ -123,9 +123,17 @@ class _Batch:
                 continue
             if not self._read(job, "kept"):
                 jobs.append(job)
+        self._shares = dict.fromkeys(self._found, 1.0)
         return jobs
 
-    def take(self, ended: Iterator[tuple[MotorJob, str]], tell: _BatchProgress) -> None:
+    def tell(self, motor: str, stage: str, share: float) -> None:
+        """Report the stage and the completed fraction of one fit as progress of the batch."""
+        self._shares[motor] = share
+        total = len(self._motors)
+        words = f"{len(self._found)}/{total}  {motor}: {stage}"
+        self._progress(words, sum(self._shares.values()) / total)
+
+    def take(self, ended: Iterator[tuple[MotorJob, str]]) -> None:
         """Record the outcome of each fit, and rewrite the table at intervals."""
         for job, reason in ended:
             if reason:
@@ -134,7 +142,7 @@ class _Batch:
                 self._failed(
                     job.motor.name, f"{job.out / 'result.json'} was changed by another process"
                 )
-            tell.ended(job.motor.name)
+            self.tell(job.motor.name, "done", 1.0)
             if time.monotonic() - self._written_at > _TABLE_EVERY_S:
                 self.write_table()
 
@@ -180,31 +188,6 @@ class _Batch:
 
     def _failed(self, name: str, reason: str) -> None:
         self._found[name] = Refit(name, "failed", error=" ".join(reason.split()))
-
-
-class _BatchProgress:
-    """Progress of the batch, combined from the progress of single fits."""
-
-    def __init__(self, progress: console.Progress, batch: _Batch) -> None:
-        self._progress = progress
-        self._batch = batch
-        self._shares: dict[str, float] = {}
-        self._kept = len(batch.refits)
-
-    def __call__(self, motor: str, stage: str, share: float) -> None:
-        """Report the stage and the completed fraction of one fit."""
-        self._shares[motor] = share
-        self._tell(f"{motor}: {stage}")
-
-    def ended(self, motor: str) -> None:
-        """Report the end of one fit."""
-        self._shares[motor] = 1.0
-        self._tell(f"{motor}: done")
-
-    def _tell(self, words: str) -> None:
-        ended = len(self._batch.refits)
-        share = (self._kept + sum(self._shares.values())) / self._batch.total
-        self._progress(f"{ended}/{self._batch.total}  {words}", share)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -52,55 +52,40 @@ def fit_all(
     )
     waiting = list(reversed(jobs))
     losses: Counter[str] = Counter()
-    running: list[_Running] = []
+    running: dict[Task, tuple[MotorJob, dict[str, Any]]] = {}
     try:
         while waiting or running:
             while waiting and len(running) < at_once:
                 job = waiting.pop()
-                running.append(_Running(job, fork_server.fork(_task(job, pipeline, threads))))
-            for one in list(running):
-                if one.look(_WAIT_S / len(running), tell):
-                    running.remove(one)
-                    losses[one.job.motor.name] += one.is_lost
-                    if one.is_lost and losses[one.job.motor.name] < _MOST_LOSSES:
-                        # The fork server ended, not the fit: retry.
-                        waiting.append(one.job)
-                        continue
-                    yield one.job, one.reason
+                running[fork_server.fork(_task(job, pipeline, threads))] = job, {}
+            for task, (job, told) in list(running.items()):
+                name = job.motor.name
+                for message in task.messages(_WAIT_S / len(running)):
+                    told |= message
+                    if news := message.get("progress"):
+                        tell(name, news["stage"], news["fraction"])
+                if not task.has_ended:
+                    continue
+                del running[task]
+                is_lost = not told.keys() & {"done", "failed", "exit"}
+                losses[name] += is_lost
+                if is_lost and losses[name] < _MOST_LOSSES:
+                    # The fork server ended, not the fit: retry.
+                    waiting.append(job)
+                else:
+                    yield job, _reason(told)
     finally:
         # Kill the remaining fits if the command was interrupted.
         fork_server.stop()
 
 
-class _Running:
-    """A fit in progress."""
-
-    def __init__(self, job: MotorJob, task: Task) -> None:
-        self.job = job
-        self.reason = ""
-        self.is_lost = False
-        self._task = task
-        self._has_result = False
-
-    def look(self, wait_s: float, tell: Callable[[str, str, float], None]) -> bool:
-        """Process the messages of the fit; return True once it has ended."""
-        for message in self._task.messages(wait_s):
-            if "progress" in message:
-                news = message["progress"]
-                tell(self.job.motor.name, news["stage"], news["fraction"])
-            elif "failed" in message:
-                self.reason = " ".join(str(message["failed"]).split())
-            elif "done" in message:
-                self._has_result = True
-            elif "exit" in message and not self._has_result and not self.reason:
-                self.reason = _end_in_words(message["exit"])
-        if self._task.has_ended and not self._has_result and not self.reason:
-            self.is_lost = True
-            self.reason = _end_in_words(None)
-        return self._task.has_ended
-
-
-def _end_in_words(status: object) -> str:
+def _reason(told: Mapping[str, Any]) -> str:
+    """Error message of a fit that has ended, from the fields of its messages; "" on success."""
+    if "done" in told:
+        return ""
+    if "failed" in told:
+        return " ".join(str(told["failed"]).split())
+    status = told.get("exit")
     how = f"was killed by signal {-status}" if isinstance(status, int) and status < 0 else "crashed"
     return (
         f"its process {how}, possibly for lack of memory; repeat the command with a smaller --jobs"

@@ -20,13 +20,13 @@ from typing import Any
 from app.commands.arguments import run_names
 from app.commands.batch.record import finish, make_way
 from app.commands.exits import TRACEBACK
+from app.fits.job import options_of
 from app.fork_server.child import Answers, pipeline_of
 from app.logging import warnings_logged
 from app.texts import moment
 from identification.errors import ComputationError, InputError
 from identification.ingest import read_run
 from identification.label import Label
-from identification.options import FitOptions
 from identification.threads import use_threads
 
 __all__ = ["handle"]
@@ -70,12 +70,9 @@ def _fit(task: dict[str, Any], progress: Callable[[str, float], None]) -> None:
         read_run(Path(file), name=name, mapping=mapping)
         for file, name in zip(files, names, strict=True)
     ]
-    options: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in task["options"].items()
-    }
     training = runs[: len(task["training"])]
-    identification = identify(training, runs[len(training) :], FitOptions(**options), progress)
+    options = options_of(task["options"])
+    identification = identify(training, runs[len(training) :], options, progress)
     out.mkdir(parents=True, exist_ok=True)
     # The previous result is kept until the new fit has succeeded.
     make_way(out)

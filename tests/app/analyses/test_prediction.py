@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from app.analyses.prediction import HEADER, Predictor
+from app.analyses.prediction import Predictor
 from app.errors import RunRefused, Unavailable
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer, Task
@@ -63,7 +63,7 @@ def test_rows_of_all_messages_are_written_in_order() -> None:
     found = predictor(*rows).predict(RUN, Path("a"), {}, declared=False, table=table)
     without = predictor(*rows).predict(RUN, Path("a"), {}, declared=False)
 
-    assert table.getvalue() == HEADER + b"0,1,2\n1,,\n"
+    assert table.getvalue() == b"0,1,2\n1,,\n"
     assert found == without
     assert found.errors["current"]["rmse"] == 0.1
 

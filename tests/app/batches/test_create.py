@@ -21,8 +21,8 @@ from app.fits import repository
 from app.fits.request import FitRequest
 from app.fits.supervisor import Supervisor
 from app.identifiers import new_id
-from app.runs import repository as runs
 from app.storage import Storage
+from app.tables import RunRow
 from tests.app.rows import keep_runs
 from tests.app.statements import statements
 
@@ -125,7 +125,8 @@ def test_run_deleted_during_the_creation_is_missing(
 
     with ThreadPoolExecutor(1) as pool:
         with database.writing() as session:
-            runs.remove(session, ids[3])
+            session.delete(session.get_one(RunRow, ids[3]))
+            session.flush()
             asked = pool.submit(batches.create, ALICE, motors(ids, 2), None, None)
             time.sleep(0.3)
         with pytest.raises(NotFound, match=ids[3]):

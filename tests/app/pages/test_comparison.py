@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.pages.comparison import comparison_view
+from app.pages.results import comparison_view
 from tests.reports import make_report
 
 DATA = make_report(with_effect=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from app.pages.history import history_view
+from app.pages.analysis_views import history_view
 from identification.fleet.refit import Refit
 from tests.fleet.fleets import fleet
 

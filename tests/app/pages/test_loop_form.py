@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.pages.loop_form import LoopForm
+from app.pages.forms import LoopForm
 from identification.errors import OptionError
 
 RESULT = {

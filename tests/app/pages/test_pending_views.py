@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from app.pages.pending_views import pending_view
+from app.pages.pending import pending_view
 from app.tables import PendingRow
 
 

@@ -10,10 +10,9 @@ import pytest
 
 from app.access.service import AccessService
 from app.database import Database
-from app.housekeeping import Housekeeper
+from app.housekeeping import Housekeeper, Removed, Retention
 from app.identifiers import new_id
 from app.metrics import Metrics
-from app.retention.service import Removed, Retention
 from app.storage import Storage
 from app.tables import BatchRow, FitRow, RunRow
 from tests.app.rows import fit_row, role_row, run_row

@@ -14,6 +14,7 @@ from app.cli import main
 from app.commands.batch.manifest import read_manifest
 from app.commands.batch.record import record_of
 from app.commands.motor import fit_options
+from app.fits.job import options_of
 from app.fits.schemas import FitCreate
 from identification.errors import InputError, OptionError
 from identification.options import FitOptions
@@ -26,9 +27,7 @@ PLATE = "voltage=24,no_load_speed=3249rpm,no_load_current=0.3,stall_current=40"
 def by_http(known: tuple[str, ...], nameplate: str) -> FitOptions:
     """Options as the service sees them after validation of a request."""
     body = {"training": ["run_x"], "options": {"known": list(known), "nameplate": nameplate}}
-    options = FitCreate.model_validate(body).request().options.items()
-    values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in options}
-    return FitOptions(**values)
+    return options_of(FitCreate.model_validate(body).options.content())
 
 
 def by_manifest(path: Path, text: str) -> FitOptions:
@@ -45,7 +44,7 @@ def everywhere(directory: Path, known: tuple[str, ...], nameplate: str) -> list[
     entry = json.dumps({"motor": "m", "training": ["run.csv"], "options": options})
     table = f'motor,training,known,nameplate\nm,run.csv,{";".join(known)},"{nameplate}"\n'
     ways: tuple[Callable[[], FitOptions], ...] = (
-        lambda: fit_options(known=known, nameplate=[nameplate]),
+        lambda: fit_options({"known": known, "nameplate": [nameplate]}),
         lambda: by_http(known, nameplate),
         lambda: by_manifest(directory / "m.csv", table),
         lambda: by_manifest(directory / "m.yaml", f"motors: [{entry}]\n"),
