@@ -202,8 +202,15 @@ def batch(
         Path, typer.Argument(metavar="MANIFEST", help="CSV or YAML file: motors, runs, options.")
     ],
     out: options.OutDir,
-    jobs: options.Jobs = None,
-    server: options.Server = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, metavar="N", help="Motors fitted in parallel.  [default: number of cores]"
+        ),
+    ] = None,
+    server: Annotated[
+        str | None, typer.Option(metavar="URL", help="URL of a service that computes the fits.")
+    ] = None,
     key: options.ApiKey = None,
     seed: options.Seed = 0,
     no_posterior: options.NoPosterior = False,

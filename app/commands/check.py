@@ -16,7 +16,6 @@ from app.commands.console import print_help, print_json, remark, results_console
 from app.commands.files import writable_file
 from app.commands.loading import loading
 from identification.errors import InputError, OptionError, RunFileError
-from identification.examples import Example
 from identification.result.atomic import write_text
 from identification.result.numbers import number_text, unit_text
 
@@ -48,7 +47,7 @@ def check(
     if save_mapping is not None:
         _check_replaceable(save_mapping)
     found = examined(files, mapping, names=run_names(files))
-    content = found.content()
+    content: Mapping[str, Any] = found.content()
     if save_mapping is not None and any(isinstance(e, RunFileError) for e in found.errors):
         remark(f"{save_mapping} is not written, because not all files are readable")
         save_mapping = None
@@ -64,9 +63,8 @@ def check(
     count = sum(1 + len(error.further) for error in found.errors) + len(refused)
     if count:
         first = str(refused[0]) if refused else ""
-        for error in found.errors[:1]:
-            first = _located(error.file, error.row, error.column)
-            first += _remedied(error.message, error.examples)
+        for error in content["errors"][:1]:
+            first = _described(error)
         unseen = "run without -q to see them" if quiet and not as_json else "see above"
         raise InputError(first + (f" (and {count - 1} more, {unseen})" if count > 1 else ""))
 
@@ -100,10 +98,8 @@ def _print(
     for run in content["runs"]:
         _print_run(console, run)
     for error in content["errors"]:
-        place = _located(error["file"], error["row"], error["column"])
         fault = "Not readable" if error["code"] else "Not sufficient"
-        text = _remedied(error["message"], error["examples"])
-        console.print(f"{fault}: {place}{text}", style="red", soft_wrap=True, markup=False)
+        console.print(f"{fault}: {_described(error)}", style="red", soft_wrap=True, markup=False)
     for finding in content["findings"]:
         verdict = "Contradiction" if finding["severity"] == "refuse" else "Suspicion"
         place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)
@@ -126,16 +122,11 @@ def _print(
         console.print(f"next: motorid fit {words} --out DIR", soft_wrap=True)
 
 
-def _located(file: str | None, row: int | None, column: str | None) -> str:
-    """Location before a message, with a colon; empty if unknown."""
-    words = ((file, ""), (row, "row "), (column, "column "))
-    place = ", ".join(f"{name}{word}" for word, name in words if word is not None)
-    return f"{place}: " if place else ""
-
-
-def _remedied(message: str, examples: Sequence[Example]) -> str:
-    """Message with the ``--map`` options that remedy the fault."""
-    return f"{message}, or give {map_arguments(examples)}" if examples else message
+def _described(entry: Mapping[str, Any]) -> str:
+    """Message of an error or a warning, with its location and the ``--map`` options that help."""
+    known: dict[str, Any] = {name: entry.get(name) for name in ("file", "row", "column")}
+    error = InputError(entry["message"], **known, examples=entry.get("examples", ()))
+    return error.described(map_arguments)
 
 
 def _print_run(console: Console, run: Mapping[str, Any]) -> None:
@@ -180,8 +171,7 @@ def _print_run(console: Console, run: Mapping[str, Any]) -> None:
         if count:
             console.print(f"  {name}: {count} samples at the limit of the sensor")
     for warning in run["warnings"]:
-        place = _located(None, None, warning["column"])
-        console.print(f"  warning: {place}{warning['message']}", soft_wrap=True)
+        console.print(f"  warning: {_described(warning | {'row': None})}", soft_wrap=True)
 
 
 def _prospects(parameters: Mapping[str, Mapping[str, Any]]) -> Table:

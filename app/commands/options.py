@@ -22,7 +22,6 @@ __all__ = [
     "Effort",
     "Force",
     "Hold",
-    "Jobs",
     "Known",
     "MapWords",
     "MappingFile",
@@ -41,7 +40,6 @@ __all__ = [
     "ResultFile",
     "Runs",
     "Seed",
-    "Server",
     "SetAside",
     "Temperatures",
     "TimeLimit",
@@ -214,13 +212,6 @@ Plate = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print a summary as JSON on standard output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors.")]
-Jobs = Annotated[
-    int | None,
-    typer.Option(min=1, metavar="N", help="Motors fitted in parallel.  [default: number of cores]"),
-]
-Server = Annotated[
-    str | None, typer.Option(metavar="URL", help="URL of a service that computes the fits.")
-]
 ApiKey = Annotated[
     str | None,
     typer.Option(

@@ -1,22 +1,8 @@
 """Parsing and validation of the fit options in a manifest.
 
-Form of each option in a CSV cell:
-
-seed            3
-posterior       true, yes or 1; false, no or 0
-effects         as posterior
-hold            zoh
-effort          quick
-time_limit      60
-temperatures    25;125
-controllers     P:1;PI:2,0.5
-set_aside       as posterior
-force           as posterior
-known           Kt25=0.048+-5%;L=2.9e-3
-nameplate       voltage=12;no_load_speed=3000rpm
-
-YAML uses its own booleans, numbers and lists; `nameplate` is a string in which commas
-separate the entries.
+In a CSV cell, semicolons separate the entries of a list, and a truth value is true, yes or 1, or
+false, no or 0, as docs/batch.md describes.
+YAML uses its own booleans, numbers and lists; commas separate the entries of `nameplate`.
 """
 
 from __future__ import annotations
