@@ -139,7 +139,9 @@ class DaskEngine(AbstractEngine):
                     _log.warning("the cluster does not respond", extra={"reason": str(error)[:300]})
                 self._disconnect()
             else:
-                self._count(workers)
+                self._threads = sum(workers.values())
+                for running in list(self._running.values()):
+                    running.look_for_worker(workers)
             self._stop.wait(_POLL_S)
 
     def _connect(self) -> Client:
@@ -163,11 +165,6 @@ class DaskEngine(AbstractEngine):
         if client is not None:
             with suppress(*_REFUSED):
                 client.close(timeout=_ANSWER_S)
-
-    def _count(self, workers: dict[str, int]) -> None:
-        self._threads = sum(workers.values())
-        for running in list(self._running.values()):
-            running.look_for_worker(workers)
 
     def _hear(self, event: tuple[float, dict[str, Any]]) -> None:
         """Pass an event to its task; ignore events of other services' tasks."""

@@ -48,32 +48,30 @@ class Postponed:
     """
 
     def __init__(self) -> None:
-        self._times: dict[str, int] = {}
-        self._until: dict[str, float] = {}
+        self._delays: dict[str, tuple[int, float]] = {}
 
     def postpone(self, fit_id: str, *, free: int = 0) -> int:
         """Start a delay; return how often the fit was postponed in a row.
 
         The first `free` postponements cause no delay.
         """
-        times = self._times[fit_id] = self._times.get(fit_id, 0) + 1
+        times = self._delays.get(fit_id, (0, 0.0))[0] + 1
         doublings = min(times - 1 - free, 10)
         pause = 0.0 if doublings < 0 else min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0**doublings)
-        self._until[fit_id] = time.monotonic() + pause * random.uniform(0.5, 1.0)
+        self._delays[fit_id] = times, time.monotonic() + pause * random.uniform(0.5, 1.0)
         return times
 
     def forget(self, fit_id: str) -> None:
         """Reset the backoff of a fit."""
-        self._times.pop(fit_id, None)
-        self._until.pop(fit_id, None)
+        self._delays.pop(fit_id, None)
 
     def now(self) -> list[str]:
         """IDs of the fits whose delay has not ended."""
         moment = time.monotonic()
         # Drop old entries: a fit that another server has ended is never reset here.
-        for fit_id in [f for f, until in self._until.items() if until < moment - _FORGOTTEN_S]:
-            self.forget(fit_id)
-        return [fit_id for fit_id, until in self._until.items() if until > moment]
+        old = moment - _FORGOTTEN_S
+        self._delays = {f: (n, until) for f, (n, until) in self._delays.items() if until >= old}
+        return [fit_id for fit_id, (_, until) in self._delays.items() if until > moment]
 
 
 class Starter:

@@ -25,7 +25,7 @@ from app.fits.job import LOG, FitJob, RunFile, options_of
 from app.fits.outputs import seal
 from app.fork_server.child import Answers, pipeline_of
 from app.storage import CHECKPOINTS
-from identification.errors import ComputationError, ContradictoryRuns, InputError, RunFileError
+from identification.errors import ComputationError, InputError
 from identification.ingest import Run, read_run
 from identification.label import Label
 from identification.posterior.checkpoint import Checkpoint
@@ -115,6 +115,8 @@ def _move_to(directory: Path) -> None:
 class _StoredRunLost(InputError):
     """The stored file of a run is missing or differs from the upload."""
 
+    code = "file_lost"
+
 
 def _read(run: RunFile) -> Run:
     """Read a stored run after a comparison of its SHA-256 with that of its upload.
@@ -139,10 +141,7 @@ def _read(run: RunFile) -> Run:
 
 
 def _input_problem(error: InputError) -> dict[str, Any]:
-    if isinstance(error, ContradictoryRuns):
-        return {"code": error.code, "detail": str(error), "findings": error.findings}
-    code = error.code if isinstance(error, RunFileError) else "input"
-    if isinstance(error, _StoredRunLost):
-        code = "file_lost"
-    place = {"file": error.file, "row": error.row, "column": error.column}
-    return {"code": code, "detail": str(error)} | {k: v for k, v in place.items() if v is not None}
+    names = ("file", "row", "column", "findings")
+    more = {name: getattr(error, name, None) for name in names}
+    code = getattr(error, "code", "input")
+    return {"code": code, "detail": str(error)} | {k: v for k, v in more.items() if v is not None}

@@ -89,7 +89,9 @@ class RateLimit:
             await self.app(scope, receive, send)
             return
         # Thread-safe: only the event loop runs this code, and it does not await here.
-        bucket = self._bucket(key_id)
+        full = float(self._burst)
+        new = Bucket(self._rate_per_s, self._burst, full, self._clock())
+        bucket = self._buckets.setdefault(key_id, new)
         wait_s = bucket.take(self._clock())
         headers = self._headers(bucket)
 
@@ -108,13 +110,6 @@ class RateLimit:
             retry_after_s=wait_s,
         )
         await problem_of(error)(scope, receive, answer)
-
-    def _bucket(self, key_id: str) -> Bucket:
-        if key_id not in self._buckets:
-            full = float(self._burst)
-            bucket = Bucket(self._rate_per_s, self._burst, full, self._clock())
-            self._buckets[key_id] = bucket
-        return self._buckets[key_id]
 
     def _headers(self, bucket: Bucket) -> dict[str, str]:
         """Header fields of draft-ietf-httpapi-ratelimit-headers."""

@@ -18,7 +18,7 @@ from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.forms import number, texts_of
 from app.pages.rendering import Page
 from app.pages.views import duration, located, span
-from app.runs.endpoints import receive
+from app.runs.endpoints import received
 from app.tables import PendingRow
 
 __all__ = ["finding_view", "pending_list_view", "pending_view", "router"]
@@ -67,11 +67,8 @@ async def add(
 ) -> HTMLResponse:
     """Receive and examine one file."""
     services.reading.check()
-    upload = await receive(request, services, _FIELDS)
-    try:
+    async with received(request, services, _FIELDS) as upload:
         row = await services.reading.run(services.pending.add, caller, upload)
-    finally:
-        upload.path.unlink(missing_ok=True)
     return page("pending_run", run=pending_view(row))
 
 

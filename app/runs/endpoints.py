@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncGenerator, Mapping
-from contextlib import aclosing
+from collections.abc import AsyncGenerator, AsyncIterator, Mapping
+from contextlib import aclosing, asynccontextmanager
 
 import anyio
 from anyio import to_thread
@@ -16,7 +16,7 @@ from app.http.problems import responses
 from app.runs.schemas import UPLOAD_BODY, PreviewOut, RunList, RunOut
 from app.runs.upload import FIELDS, Upload, UploadForm, boundary_of
 
-__all__ = ["receive", "router"]
+__all__ = ["received", "router"]
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -46,16 +46,12 @@ async def upload_run(
     """
     services.reading.check()
     began = anyio.current_time()
-    upload = await receive(request, services)
-    try:
+    async with received(request, services) as upload:
         # The queue may have filled meanwhile.  An upload that took longer is parsed in any case,
         # since repeating it would cost the caller more.
         if anyio.current_time() - began < _SENT_AGAIN_S:
             services.reading.check()
         row, is_new = await services.reading.run(services.runs.store, caller, upload)
-    finally:
-        # Delete a file that did not become a run, even if the client has disconnected.
-        upload.path.unlink(missing_ok=True)
     response.status_code = 201 if is_new else 200
     response.headers["Location"] = f"/api/v1/runs/{row.id}"
     return RunOut.of(row)
@@ -74,11 +70,8 @@ async def preview_run(request: Request, services: ServicesDep, _: CallerDep) -> 
     `accepted` is false and whose `errors` give the row and column of the error.
     """
     services.reading.check()
-    upload = await receive(request, services)
-    try:
+    async with received(request, services) as upload:
         found = await services.reading.run(services.runs.preview, upload)
-    finally:
-        upload.path.unlink(missing_ok=True)
     return PreviewOut.model_validate(found)
 
 
@@ -108,10 +101,13 @@ def delete_run(run_id: str, services: ServicesDep, caller: CallerDep) -> None:
     services.runs.delete(caller, run_id)
 
 
-async def receive(
+@asynccontextmanager
+async def received(
     request: Request, services: Services, accepted: Mapping[str, int] = FIELDS
-) -> Upload:
+) -> AsyncIterator[Upload]:
     """Receive an upload form; a thread is occupied only during disk access.
+
+    After the block, a file that did not become a run is deleted.
 
     The fields accepted besides `file` have maximum sizes [bytes].
 
@@ -128,7 +124,11 @@ async def receive(
         async with aclosing(_blocks(request, settings.upload_idle_s, settings.upload_s)) as blocks:
             async for block in blocks:
                 await to_thread.run_sync(form.feed, block)
-        return await to_thread.run_sync(form.finish)
+        upload = await to_thread.run_sync(form.finish)
+    try:
+        yield upload
+    finally:
+        upload.path.unlink(missing_ok=True)
 
 
 async def _blocks(request: Request, idle_s: float, whole_s: float) -> AsyncGenerator[bytes]:

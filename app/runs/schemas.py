@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from pydantic import Field
+
 from app.tables import RunRow
 from app.texts import Documented, Moment, with_example
 
-__all__ = ["PreviewOut", "RunList", "RunOut", "UPLOAD_BODY"]
+__all__ = ["PreviewOut", "RunList", "RunOut", "UPLOAD_BODY", "UploadBody"]
 
 _EXAMPLE: dict[str, Any] = {
     "id": "run_n2dq4hoyzmxrj6tcf7k3wvb5ea",
@@ -30,43 +32,32 @@ _EXAMPLE: dict[str, Any] = {
     "created_at": "2026-11-21T12:00:00.000000Z",
 }
 
+
+class UploadBody(Documented):
+    """Form of an upload."""
+
+    file: bytes
+    """Run file: a text table of samples."""
+    motor: str = Field(default="", max_length=200, examples=["bench 4, motor 17"])
+    """Name of the motor."""
+    mapping: str = Field(
+        default="",
+        examples=[
+            '{"speed_rad_s": {"column": "n_ist", "unit": "rpm"}, '
+            '"current_A": {"column": "sensor_V", "scale": 2.5}}'
+        ],
+    )
+    """Columns and units of the channels, as JSON; required if the header does not name them.
+    Value = (cell * scale + offset) in the given unit."""
+
+
 UPLOAD_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["file"],
-                    "properties": {
-                        "file": {
-                            "type": "string",
-                            "format": "binary",
-                            "description": "Run file: a text table of samples.",
-                        },
-                        "motor": {
-                            "type": "string",
-                            "maxLength": 200,
-                            "description": "Name of the motor.",
-                            "examples": ["bench 4, motor 17"],
-                        },
-                        "mapping": {
-                            "type": "string",
-                            "description": "Columns and units of the channels, as JSON; required "
-                            "if the header does not name them. Value = (cell * scale + offset) "
-                            "in the given unit.",
-                            "examples": [
-                                '{"speed_rad_s": {"column": "n_ist", "unit": "rpm"}, '
-                                '"current_A": {"column": "sensor_V", "scale": 2.5}}'
-                            ],
-                        },
-                    },
-                }
-            }
-        },
+        "content": {"multipart/form-data": {"schema": UploadBody.model_json_schema()}},
     }
 }
-"""OpenAPI schema of the body of an upload; no model describes the body, since it is streamed."""
+"""OpenAPI schema of the body of an upload, which is streamed and not validated by its model."""
 
 
 class ChannelRange(Documented):
