@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field
-from typing import Self
 
 from app.access.quotas import Quotas
 from app.access.service import AccessService
@@ -33,83 +31,43 @@ from identification.errors import OptionError
 __all__ = ["Services"]
 
 
-@dataclass(frozen=True)
 class Services:
-    """Components that the endpoints use.
+    """Components that the endpoints use; nothing is opened or started yet.
 
     The fork server reads uploads; `reading` is their queue.  The engine computes the fits and is
     closed by the supervisor.  The watcher runs in the event loop, the housekeeper in its own
     thread.  `stopping` is set when the service is about to stop.
     """
 
-    settings: Settings
-    database: Database
-    storage: Storage
-    metrics: Metrics
-    access: AccessService
-    runs: RunService
-    pending: PendingRuns
-    choice: RunChoice
-    fits: FitService
-    batches: BatchService
-    analyses: AnalysisService
-    predictor: Predictor
-    health: HealthService
-    fork_server: ForkServer
-    engine: AbstractEngine
-    supervisor: Supervisor
-    watcher: Watcher
-    retention: Retention
-    housekeeper: Housekeeper
-    reading: ReadingQueue
-    stopping: threading.Event = field(default_factory=threading.Event)
-
-    @classmethod
-    def build(cls, settings: Settings) -> Self:
-        """Create the components; nothing is opened or started yet."""
-        database = Database(settings.sqlalchemy_url)
-        storage = Storage(settings.data_dir, settings.node)
-        metrics = Metrics()
-        readers = ForkServer("app.runs.parser", temporary=storage.incoming)
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.database = database = Database(settings.sqlalchemy_url)
+        self.storage = storage = Storage(settings.data_dir, settings.node)
+        self.metrics = metrics = Metrics()
+        self.fork_server = ForkServer("app.runs.parser", temporary=storage.incoming)
         limits = ProcessLimits(
             settings.read_memory_bytes, settings.read_cpu_s, settings.read_wall_s
         )
-        reader = RunReader(readers, limits, settings.max_rows)
-        engine = _engine(settings, storage)
-        access = AccessService(database)
-        retention = Retention(database, storage, metrics, settings.retention_days)
-        quotas = Quotas(settings.quota_bytes, settings.quota_runs, settings.quota_waiting_fits)
-        supervisor = Supervisor(database, storage, engine, settings, metrics)
-        fits = FitService(database, storage, supervisor, quotas)
-        runs = RunService(database, storage, reader, metrics, quotas)
+        reader = RunReader(self.fork_server, limits, settings.max_rows)
         # Most services predict nothing: the first prediction starts this fork server.
-        predictor = Predictor(
-            ForkServer("app.analyses.predictor", temporary=storage.incoming),
-            limits,
-            settings.max_rows,
-        )
-        return cls(
-            settings=settings,
-            database=database,
-            storage=storage,
-            metrics=metrics,
-            access=access,
-            runs=runs,
-            pending=PendingRuns(database, storage, reader, quotas),
-            choice=RunChoice(database, storage, reader),
-            fits=fits,
-            batches=BatchService(database, storage, supervisor, quotas),
-            analyses=AnalysisService(fits, runs, storage, predictor),
-            predictor=predictor,
-            health=HealthService(database, storage, supervisor, metrics),
-            fork_server=readers,
-            engine=engine,
-            supervisor=supervisor,
-            watcher=Watcher(database, access, settings.streams_per_key),
-            retention=retention,
-            housekeeper=Housekeeper(access, retention, settings.sweep_s),
-            reading=ReadingQueue(settings.readers, settings.waiting_uploads),
-        )
+        predictors = ForkServer("app.analyses.predictor", temporary=storage.incoming)
+        self.predictor = Predictor(predictors, limits, settings.max_rows)
+        self.engine = _engine(settings, storage)
+        self.supervisor = Supervisor(database, storage, self.engine, settings, metrics)
+        self.access = AccessService(database)
+        quotas = Quotas(settings.quota_bytes, settings.quota_runs, settings.quota_waiting_fits)
+        self.runs = RunService(database, storage, reader, metrics, quotas)
+        self.reading = ReadingQueue(settings.readers, settings.waiting_uploads)
+        self.pending = PendingRuns(database, storage, reader, quotas)
+        self.choice = RunChoice(database, storage, reader)
+        self.fits = FitService(database, storage, self.supervisor, quotas)
+        self.watcher = Watcher(database, self.access, settings.streams_per_key)
+        self.batches = BatchService(database, storage, self.supervisor, quotas)
+        self.analyses = AnalysisService(self.fits, self.runs, storage, self.predictor)
+        self.health = HealthService(database, storage, self.supervisor, metrics)
+        self.retention = Retention(database, storage, metrics, settings.retention_days)
+        self.housekeeper = Housekeeper(self.access, self.retention, settings.sweep_s)
+        self.stopping = threading.Event()
 
     def open(self) -> None:
         """Open the data directory and the database, if not open yet.

@@ -67,7 +67,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         OptionError: A setting is not accepted.
     """
     settings = settings or load_settings()
-    services = Services.build(settings)
+    services = Services(settings)
     application = FastAPI(
         title="motorid",
         version=version("motorid"),

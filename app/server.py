@@ -59,10 +59,8 @@ class _Server(uvicorn.Server):
             signal.signal(signal.SIGHUP, before)
 
 
-def serve(settings: Settings, listening: socket.socket | None = None) -> None:
-    """Serve until SIGTERM, SIGINT or SIGHUP; running fits wait for the next start.
-
-    A bound socket replaces the address and port of the settings.
+def serve(settings: Settings, listening: socket.socket) -> None:
+    """Serve on a bound socket until SIGTERM, SIGINT or SIGHUP; running fits wait for a new start.
 
     Raises:
         OptionError: The data directory is unusable or in use by another server, or the database
@@ -76,13 +74,10 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
     services: Services = application.state.services
     # Open here: an error in the lifespan would appear as a traceback.
     services.open()
-    if listening is not None:
-        _show_address(listening)
+    _show_address(listening)
     server = _Server(
         uvicorn.Config(
             application,
-            host=settings.host,
-            port=settings.port,
             log_config=None,
             access_log=False,
             server_header=False,
@@ -97,7 +92,7 @@ def serve(settings: Settings, listening: socket.socket | None = None) -> None:
     server.services = services
     try:
         with server.stopped_by_hangup():
-            server.run(sockets=None if listening is None else [listening])
+            server.run(sockets=[listening])
     finally:
         if server.told_at is not None:
             seconds = round(time.monotonic() - server.told_at, 3)

@@ -113,6 +113,5 @@ def design_run(body: DesignIn, services: ServicesDep, caller: CallerDep) -> Desi
     """
     if (body.fit is None) == (body.nameplate is None):
         raise FieldRefused("expected either fit or nameplate", field="fit")
-    return DesignOut.of(
-        services.analyses.design(caller, body.fit, body.options(), body.nameplate or "")
-    )
+    found = services.analyses.design(caller, body.fit, body.options(), body.nameplate or "")
+    return DesignOut(design=found.entry, table=found.table)

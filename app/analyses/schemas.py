@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, StringConstraints
 
-from app.analyses.prediction import Design, Prediction
+from app.analyses.prediction import Prediction
 from app.analyses.service import LoopAnalysis
 from app.fits.schemas import Finite, Word
 from app.texts import Documented, Received, with_example
@@ -199,8 +199,3 @@ class DesignOut(Documented):
     """Expected gain, as `motorid design` writes it to FILE.json."""
     table: str
     """Samples as CSV: `time_s,voltage_V,temperature_degC`, and `load_Nm` if a load is allowed."""
-
-    @classmethod
-    def of(cls, design: Design) -> DesignOut:
-        """Build the schema from a design."""
-        return cls(design=design.entry, table=design.table)

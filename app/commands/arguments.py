@@ -20,7 +20,7 @@ import re
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import typer.core
 
@@ -37,6 +37,8 @@ __all__ = [
     "values_by_name",
     "whole",
 ]
+
+Number = TypeVar("Number", float, int)
 
 _MAP_FORM = (
     "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * SCALE + OFFSET in UNIT mod PERIOD with optional parts"
@@ -97,31 +99,20 @@ class SeveralWords(typer.core.TyperCommand):
 
 
 def decimal(word: object) -> float:
-    """Typer parser of a decimal number.
-
-    Raises:
-        BadParameter: The text is not a number.
-    """
-    try:
-        return decimal_of(str(word))
-    except ValueError:
-        raise typer.BadParameter(
-            f"{str(word)!r} is not a number; expected one such as 25 or 2.5e1"
-        ) from None
+    """Typer parser of a decimal number; any other text is a `BadParameter`."""
+    return _parsed(decimal_of, word, "a number; expected one such as 25 or 2.5e1")
 
 
 def whole(word: object) -> int:
-    """Typer parser of an integer.
+    """Typer parser of an integer; any other text is a `BadParameter`."""
+    return _parsed(whole_of, word, "an integer; expected one such as 3")
 
-    Raises:
-        BadParameter: The text is not an integer.
-    """
+
+def _parsed(read: Callable[[str], Number], word: object, expected: str) -> Number:
     try:
-        return whole_of(str(word))
+        return read(str(word))
     except ValueError:
-        raise typer.BadParameter(
-            f"{str(word)!r} is not an integer; expected one such as 3"
-        ) from None
+        raise typer.BadParameter(f"{str(word)!r} is not {expected}") from None
 
 
 def values_by_name(settings: Sequence[str]) -> dict[str, float]:

@@ -69,7 +69,6 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
         attempt=0,
         failures=0,
         interruptions=0,
-        error=None,
         created_at=time.time(),
         request_sha256=request_hash(request),
         position=0,

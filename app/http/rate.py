@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from starlette.datastructures import MutableHeaders
@@ -65,20 +64,11 @@ class RateLimit:
     Each key has a bucket of `burst` calls; a rate of 0 disables the limit.
     """
 
-    def __init__(
-        self,
-        app: ASGIApp,
-        *,
-        rate_per_s: float,
-        burst: int,
-        metrics: Metrics,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, app: ASGIApp, *, rate_per_s: float, burst: int, metrics: Metrics) -> None:
         self.app = app
         self._rate_per_s = rate_per_s
         self._burst = burst
         self._metrics = metrics
-        self._clock = clock
         self._buckets: dict[str, Bucket] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -90,9 +80,9 @@ class RateLimit:
             return
         # Thread-safe: only the event loop runs this code, and it does not await here.
         full = float(self._burst)
-        new = Bucket(self._rate_per_s, self._burst, full, self._clock())
+        new = Bucket(self._rate_per_s, self._burst, full, time.monotonic())
         bucket = self._buckets.setdefault(key_id, new)
-        wait_s = bucket.take(self._clock())
+        wait_s = bucket.take(time.monotonic())
         headers = self._headers(bucket)
 
         async def answer(message: Message) -> None:
