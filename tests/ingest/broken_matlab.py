@@ -20,6 +20,7 @@ from tests.ingest.writers import (
     datasets,
     hdf5,
     mat,
+    mat4,
     mat73,
 )
 
@@ -107,6 +108,13 @@ BROKEN_MATLAB = (
         "run.mat",
         "half of a file",
         cut(lambda p: mat(p, {"log": RECORD}), 0.5),
+        errors.DamagedFile,
+        "looks like a MATLAB file",
+    ),
+    broken(
+        "run.mat",
+        "half of a file of version 4",
+        cut(lambda p: mat4(p, RECORD), 0.5),
         errors.DamagedFile,
         "looks like a MATLAB file",
     ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 
 import numpy as np
+import scipy.io
 import scipy.sparse
 
 from tests.ingest.devices import CLOCKS, DEVICES
@@ -34,6 +35,7 @@ from tests.ingest.writers import (
     datasets,
     hdf5,
     mat,
+    mat4,
     mat73,
     matlab_simulink,
     matlab_struct,
@@ -205,6 +207,13 @@ MATLAB = (
         "variables, a sparse matrix among them and in a cell",
         lambda p: mat(p, {**RECORD, "map": SPARSE, "cells": np.array([SPARSE, 1], dtype=object)}),
     ),
+    Specimen(
+        "scipy4.mat",
+        "version 4, a text and a matrix among the variables",
+        lambda p: scipy.io.savemat(p, {"note": "bench 3", "map": np.eye(3), **RECORD}, format="4"),
+    ),
+    Specimen("little4.mat", "version 4", lambda p: mat4(p, RECORD)),
+    Specimen("big4.mat", "version 4, big-endian", lambda p: mat4(p, RECORD, is_big_endian=True)),
     Specimen("simulink.mat", "a log of Simulink", lambda p: mat(p, simulink())),
     Specimen("timeseries.mat", "exported timeseries", lambda p: mat(p, timeseries())),
     Specimen("run.mat.gz", "compressed", compressed(lambda p: mat(p, {"log": RECORD}))),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -170,6 +171,16 @@ def mdf(
 def mat(path: Path, variables: Mapping[str, object]) -> None:
     """Write a MATLAB file of version 5 with scipy, compressed as MATLAB does."""
     scipy.io.savemat(path, dict(variables), do_compression=True)
+
+
+def mat4(path: Path, variables: Mapping[str, Array], *, is_big_endian: bool = False) -> None:
+    """Write column vectors as MATLAB does with -v4 (MATLAB MAT-File Format, 1-36)."""
+    order = ">" if is_big_endian else "<"
+    content = b""
+    for name, values in variables.items():
+        head = struct.pack(f"{order}5i", 1000 * is_big_endian, len(values), 1, 0, len(name) + 1)
+        content += head + name.encode() + b"\0" + values.astype(f"{order}f8").tobytes()
+    path.write_bytes(content)
 
 
 def hdf5(path: Path, write_into: Callable[[h5py.File], object], userblock: int = 0) -> None:

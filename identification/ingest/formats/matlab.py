@@ -1,4 +1,4 @@
-"""Reader of MATLAB files of version 5 (up to -v7), with scipy; version 7.3 is HDF5.
+"""Reader of MATLAB files of versions 4 and 5 (-v4, -v6, -v7), with scipy; version 7.3 is HDF5.
 
 A file with objects, such as timetables, is read again with mat-io.
 """
@@ -30,14 +30,18 @@ _COMPRESSED = 15
 # Deflate compresses to no less than 1 / 1032.
 _LARGEST_RATIO = 1032
 _ORDERS = {b"IM": "<II", b"MI": ">II"}
+# Head of a variable of version 4: MOPT, rows, columns, imaginary flag, length of the name.
+_HEADS_4 = (struct.Struct("<5i"), struct.Struct(">5i"))
+_LONGEST_NAME = 64
 
 
 class MatlabReader:
     """Reader of the numeric variables and structs of a MATLAB file."""
 
     def recognises(self, name: str, head: bytes) -> bool:
-        """Return True for the text at the beginning of a MATLAB file of version 5."""
-        return head.startswith(b"MATLAB 5.0 MAT") and not head[512:].startswith(_HDF5)
+        """Return True for the text of version 5, or the first variable of version 4."""
+        is_5 = head.startswith(b"MATLAB 5.0 MAT") and not head[512:].startswith(_HDF5)
+        return is_5 or _is_version_4(head)
 
     def open(self, file: RunFile) -> TableSet:
         """Read all variables, after a look at their declared sizes.
@@ -48,7 +52,8 @@ class MatlabReader:
         library = imported("scipy.io", _WHAT)
         stream = file.seekable()
         with decoding(_WHAT, (library.matlab.MatReadError,)):
-            size = _declared_bytes(stream)
+            # Version 4 has no compression, so its variables are not larger than the file.
+            size = 0 if _is_version_4(file.head) else _declared_bytes(stream)
             if size > file.limits.bytes:
                 raise FileTooLarge(
                     f"the variables have {size} bytes, more than the limit of {file.limits.bytes}; "
@@ -64,6 +69,29 @@ class MatlabReader:
         }
         tree, notes = decoded(root, stream) if has_objects(root) else (root, "")
         return tables_of(tree, file, "variable", notes)
+
+
+def _is_version_4(head: bytes) -> bool:
+    """Return True for the head of a numeric, text or sparse matrix and its name.
+
+    MATLAB MAT-File Format, 1-36: the decimal digits of MOPT are the byte order (0 little-endian, 1
+    big-endian), 0, the type of the numbers (0 to 5) and the type of the matrix (0 to 2).
+    """
+    for order, layout in enumerate(_HEADS_4):
+        if len(head) <= layout.size:
+            return False
+        kind, rows, columns, imaginary, length = layout.unpack_from(head)
+        name = head[layout.size : layout.size + length]
+        if (
+            kind in range(1000 * order, 1000 * order + 60)
+            and kind % 10 <= 2
+            and min(rows, columns) >= 0
+            and imaginary in (0, 1)
+            and 1 < length <= _LONGEST_NAME
+            and name.rstrip(b"\0").decode("ascii", "replace").isidentifier()
+        ):
+            return True
+    return False
 
 
 def _declared_bytes(stream: BinaryIO) -> int:
