@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -95,12 +96,13 @@ def _print(
     content: Mapping[str, Any], files: Sequence[Path], saved: Path | None, given: Sequence[str]
 ) -> None:
     console = results_console()
+    errors, findings = _listed(content)
     for run in content["runs"]:
         _print_run(console, run)
-    for error in content["errors"]:
+    for error in errors:
         fault = "Not readable" if error["code"] else "Not sufficient"
         console.print(f"{fault}: {_described(error)}", style="red", soft_wrap=True, markup=False)
-    for finding in content["findings"]:
+    for finding in findings:
         verdict = "Contradiction" if finding["severity"] == "refuse" else "Suspicion"
         place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)
         console.print(f"{verdict}: {place}: {finding['message']}", style="yellow", soft_wrap=True)
@@ -122,6 +124,17 @@ def _print(
         console.print(f"next: motorid fit {words} --out DIR", soft_wrap=True)
 
 
+def _listed(content: Mapping[str, Any]) -> tuple[list[Any], list[Any]]:
+    """Errors and findings without the first refusal, if a terminal shows it on standard error."""
+    errors, findings = content["errors"], content["findings"]
+    if sys.stdout.isatty() and sys.stderr.isatty():
+        if errors:
+            return errors[1:], findings
+        refused = [finding for finding in findings if finding["severity"] == "refuse"]
+        return errors, [one for one in findings if one not in refused[:1]]
+    return errors, findings
+
+
 def _described(entry: Mapping[str, Any]) -> str:
     """Message of an error or a warning, with its location and the ``--map`` options that help."""
     known: dict[str, Any] = {name: entry.get(name) for name in ("file", "row", "column")}
@@ -136,23 +149,20 @@ def _print_run(console: Console, run: Mapping[str, Any]) -> None:
     table = table_with(
         f"{run['file']}: {run['rows']} samples, {rate} Hz, {duration} s", "channel", "column"
     )
-    for name in ("unit", "scale", "offset", "from", "to"):
+    for name in ("unit", "scale", "offset", "range"):
         table.add_column(name, justify="right")
     is_derived = any("method" in channel for channel in run["channels"].values())
     if is_derived:
         table.add_column("method")
     for name, channel in run["channels"].items():
-        low, high = excitation.get(name) or (None, None)
+        limits = excitation.get(name)
         table.add_row(
             name,
             channel["column"],
             channel["unit"],
             f"{channel['scale']:g}",
             f"{channel['offset']:g}",
-            *(
-                "" if end is None else f"{end:.4g} {unit_text(channel['si_unit'])}"
-                for end in (low, high)
-            ),
+            f"{limits[0]:.4g} .. {limits[1]:.4g} {unit_text(channel['si_unit'])}" if limits else "",
             *([channel.get("method", "")] if is_derived else []),
         )
     console.print(table)

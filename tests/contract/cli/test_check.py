@@ -43,6 +43,27 @@ def test_all_faults_of_all_files_are_shown_at_once(
     assert "(and 1 more, see above)" in shown.err
 
 
+def test_refusal_stands_once_on_a_terminal(
+    run_files: list[Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Output and errors of a terminal come together, so each fault is in one of them only."""
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    main(["check", *map(str, run_files[:2]), str(tmp_path / "none.csv"), str(tmp_path / "no.csv")])
+    shown = capsys.readouterr()
+    assert (shown.out + shown.err).count("cannot be opened") == 2
+    assert shown.err.startswith("motorid: none.csv: cannot be opened")
+    assert "Not readable: no.csv: cannot be opened" in shown.out
+
+    main(["check", *map(str, run_files[:2]), "--map", "run2.csv:current_A=current_A * -1"])
+    shown = capsys.readouterr()
+    assert (shown.out + shown.err).count("has the wrong sign") == 1
+    assert "correct it with --map" in shown.err
+
+
 def test_quiet_check_prints_only_errors(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
