@@ -27,7 +27,15 @@ import numpy as np
 
 from identification.fleet.refit import Refit
 
-__all__ = ["LEAST_MOTORS", "POSITIVE", "THRESHOLD", "Spread", "scores_of", "spread_of"]
+__all__ = [
+    "LEAST_MOTORS",
+    "NORMAL_MAD",
+    "POSITIVE",
+    "THRESHOLD",
+    "Spread",
+    "scores_of",
+    "spread_of",
+]
 
 THRESHOLD = 3.5
 """Robust standard deviations beyond which a motor is an outlier (Iglewicz and Hoaglin, 1993)."""
@@ -35,7 +43,8 @@ LEAST_MOTORS = 5
 """Smallest number of motors for which outliers are reported."""
 POSITIVE = frozenset({"Ra25", "Kt25", "J", "b", "L"})
 """Parameters compared as logarithms."""
-_NORMAL = 1.4826
+NORMAL_MAD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +93,7 @@ def scores_of(
     """
     values = np.array([pair[0] for pair in pairs if pair is not None])
     centre = float(np.median(values))
-    scale = _NORMAL * float(np.median(np.abs(values - centre)))
+    scale = NORMAL_MAD * float(np.median(np.abs(values - centre)))
     return tuple(None if pair is None else _score(pair, centre, scale) for pair in pairs), scale
 
 

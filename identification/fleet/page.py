@@ -17,7 +17,14 @@ from identification.fleet.causes import CAUSES
 from identification.fleet.drift import FALSE_DISCOVERY_RATE, Drift, drifts
 from identification.fleet.explanation import REPEATABILITY, Explanation, explanations
 from identification.fleet.figure import fleet_figure, marks_of
-from identification.fleet.outliers import LEAST_MOTORS, THRESHOLD, Spread, spread_of
+from identification.fleet.outliers import (
+    LEAST_MOTORS,
+    NORMAL_MAD,
+    POSITIVE,
+    THRESHOLD,
+    Spread,
+    spread_of,
+)
 from identification.fleet.pooling import LEAST_POOLED, Pool, Quantiles, pools_of
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
@@ -175,7 +182,7 @@ def _parameter(
         "name": name,
         "meaning": DECLARED_PARAMETERS[name].meaning,
         "median": _with_unit(spread.median, name),
-        "scale": spread.relative_scale,
+        "spread": _spread_text(name, spread.relative_scale),
         "count": spread.count,
         "undetermined": sum(name in refit.estimates for refit in refits) - spread.count,
         "outliers": sum(mark.is_outlier for mark in marks),
@@ -184,6 +191,20 @@ def _parameter(
         "pooled": any(mark.pooled for mark in marks),
         "figure": Markup(fleet_figure(name, marks, spread)) if marks else None,
     }
+
+
+def _spread_text(name: str, scale: float | None) -> str:
+    """Robust standard deviation, or in words if it is more than the median itself."""
+    if scale is None:
+        return ""
+    if scale <= 1.0 or name not in POSITIVE:
+        return f"robust standard deviation {percent_text(scale)}"
+    # The median deviation of the logarithms, of which the scale is a multiple.
+    factor = number_text((1.0 + scale) ** (1.0 / NORMAL_MAD), 2)
+    return (
+        f"half of the motors are more than a factor of {factor} away from it, too far for motors "
+        "of one type"
+    )
 
 
 def _pooled(name: str, pools: Sequence[Pool]) -> dict[int, Quantiles]:

@@ -52,15 +52,18 @@ def test_outlying_and_drifting_motors_are_listed_and_highlighted() -> None:
 
 
 def test_fleet_over_decades_is_drawn_on_a_logarithmic_axis() -> None:
-    """From 0.01 to 100 ohm the ticks are powers of ten."""
+    """From 0.01 to 100 ohm the ticks are powers of ten; the median deviation is a factor of 10."""
     refits = [
         dataclasses.replace(r, estimates={"Ra25": estimate(10.0 ** (n - 2), 1e-4)}, previous=None)
         for n, r in enumerate(fleet(5))
     ]
 
-    ticks = re.findall(r'<text class="tick end"[^>]*>([^<]+)</text>', page(refits))
+    text = page(refits)
+    ticks = re.findall(r'<text class="tick end"[^>]*>([^<]+)</text>', text)
 
     assert {"0.01", "0.1", "1", "10", "100"} <= set(ticks)
+    assert "half of the motors are more than a factor of 10 away" in text
+    assert "robust standard deviation 9" not in text
 
 
 @pytest.mark.parametrize(
