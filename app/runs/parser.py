@@ -114,8 +114,11 @@ def _suggested(columns: Sequence[Column]) -> dict[str, str]:
     found: dict[str, str] = {}
     for channel, quantity in CHANNEL_QUANTITIES.items():
         free = [column for column in columns if column.title not in found.values()]
-        named = [c for c in free if c.canonical == channel or quantity in c.quantities]
-        candidates = named or similar_columns(channel, free)
+        candidates = (
+            [column for column in free if column.canonical == channel]
+            or [column for column in free if quantity in column.quantities]
+            or similar_columns(channel, free)
+        )
         if len(candidates) == 1:
             found[channel] = candidates[0].title
     return found

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import delete, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app import queries
@@ -167,12 +167,15 @@ class PendingRuns:
         motor, bench = checked_label("motor", motor), checked_label("bench", bench)
         with self._database.reading() as session:
             saved = _mapping_of_bench(session, caller.workspace, bench)
-        for row in self.all(caller):
+        for pending in self.all(caller):
             found = None
-            if saved and row.bench != bench:
-                found = self._examined(row, saved, is_of_bench=True)
+            if saved and pending.bench != bench:
+                found = self._examined(pending, saved, is_of_bench=True)
             with self._database.writing() as session:
-                row = queries.known(session, PendingRow, caller.workspace, row.id, lock=True)
+                row = session.get(PendingRow, pending.id, with_for_update=True)
+                if row is None:
+                    # Confirmed or discarded meanwhile.
+                    continue
                 if bench and row.mapping and not saved and row.found["summary"] is not None:
                     # The bench was named after its files were corrected.
                     _save_bench(session, row, row.mapping, bench)
@@ -183,13 +186,16 @@ class PendingRuns:
     def confirm(self, caller: Caller) -> tuple[int, int]:
         """Make a run of each pending run that can be read; return how many are new, and known."""
         new = known = 0
-        for row in self.all(caller):
-            if row.found["summary"] is None:
-                continue
+        for pending in self.all(caller):
             with self._database.writing() as session:
+                # Another call may have relabelled, confirmed or discarded it; its file is then
+                # that of a stored run.
+                row = session.get(PendingRow, pending.id, with_for_update=True)
+                if row is None or row.found["summary"] is None:
+                    continue
                 content = (caller.workspace, row.sha256, row.mapping)
                 is_new = stored_before(session, *content) is None
-                session.execute(delete(PendingRow).where(PendingRow.id == row.id))
+                session.delete(row)
                 if is_new:
                     columns = {name: getattr(row, name) for name in _KEPT}
                     session.add(new_run(row.found["summary"], *content, **columns))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -86,6 +88,27 @@ def test_dropped_file_is_shown_and_becomes_a_run_when_confirmed(page: Page) -> N
     (stored,) = page.runs()
     assert (stored["id"], stored["motor"], stored["mapping"]) == (run, "servo 1", None)
     assert f'id="{run}"' not in page.shown()
+
+
+def test_runs_added_twice_at_once_keep_their_files(page: Page) -> None:
+    """Two tabs add the same files while a third names the motor: all runs can be read after it."""
+    for seed in range(4):
+        page.drop(run_text(seed))
+    paths = ["/pending/confirm", "/pending/labels", "/pending/confirm", "/pending/confirm"]
+    with ThreadPoolExecutor(len(paths)) as pool:
+        answers = list(pool.map(lambda path: page.http.post(path, data={"motor": "m 1"}), paths))
+
+    assert [answer.status_code for answer in answers] == [204, 200, 204, 204]
+    stored = [run["id"] for run in page.runs()]
+    assert len(stored) == 4
+    assert {page.http.post(f"/pending/{run}/reopen").status_code for run in stored} == {200}
+
+
+def test_column_with_the_name_of_a_channel_is_suggested(page: Page) -> None:
+    """`T` may be a time too, but `time_s` is one."""
+    run = page.drop(scope_text(3).replace(b"t,CH1", b"time_s,CH1"), "scope.csv")
+    menu = page.shown().partition(f'id="{run}"')[2].partition("Column of time")[2]
+    assert re.search(r"<option[^>]* selected[^>]*>time_s<", menu.partition("</select>")[0])
 
 
 def test_unreadable_file_is_corrected_by_selection(page: Page) -> None:
