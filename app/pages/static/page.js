@@ -1,11 +1,17 @@
 // All pages: times in the reader's time zone, and problems that end with the next success.
 
+function localTime(text) {
+  // The Swedish form is ISO 8601, which no reader mistakes for month and day exchanged.
+  return new Date(text).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" });
+}
+
 function showLocalTimes(root) {
   for (const time of root.querySelectorAll("time[datetime]")) {
-    const at = new Date(time.dateTime);
     time.title = `${time.dateTime.slice(0, 16).replace("T", " ")} UTC`;
-    // The Swedish form is ISO 8601, which no reader mistakes for month and day exchanged.
-    time.textContent = at.toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" });
+    time.textContent = localTime(time.dateTime);
+  }
+  for (const option of root.querySelectorAll("option[data-time]")) {
+    option.text = option.text.replace(/[-\d]+ [:\d]+ UTC/, localTime(option.dataset.time));
   }
 }
 

@@ -8,6 +8,8 @@ const CHANNELS = [
 ];
 const HEIGHT = 120;
 
+const signed = (plot, values) => values.map((value) => uPlot.fmtNum(value).replace("-", "−"));
+
 function options(label, width, key) {
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue(`--${name}`).trim();
@@ -20,7 +22,7 @@ function options(label, width, key) {
     legend: { show: false },
     cursor: { sync: { key }, y: false, drag: { x: true, y: false } },
     scales: { x: { time: false } },
-    axes: [{ ...axis, size: 26, space: 60 }, { ...axis, size: 48, space: 26 }],
+    axes: [{ ...axis, size: 26, space: 60 }, { ...axis, size: 48, space: 18, values: signed }],
     series: [{}, { stroke: colour("link"), width: 1.2, points: { show: false } }],
   };
 }
