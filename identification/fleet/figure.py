@@ -16,7 +16,14 @@ from identification.fleet.pooling import Quantiles
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
 from identification.reporting.svg import Frame, span, svg, text, tick_words
-from identification.result.numbers import interval_text, number_text, scaled_unit, unit_power
+from identification.result.numbers import (
+    interval_text,
+    number_text,
+    scaled_unit,
+    unit_power,
+    unit_prefix,
+    unit_text,
+)
 
 __all__ = ["Mark", "fleet_figure", "framed", "marks_of"]
 
@@ -26,6 +33,7 @@ _MOST_NAMED = 40
 _APART = 11.0
 _LONGEST_NAME = 17
 _LETTER = 6.6
+_WIDE_LETTER = 10.5
 _SHIFT = 6.0
 _DECADES_FOR_LOG = 1.5
 _NORMAL_90 = 1.645
@@ -115,10 +123,12 @@ def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: 
     middle = np.array([mark.median for mark in marks])
     box = (_LEFT, _TOP, _WIDTH, _LEVELS)
     is_log = bool(low.min() > 0.0 and math.log10(high.max() / low.min()) > _DECADES_FOR_LOG)
-    power = 0 if is_log else unit_power(float(np.abs([low, high]).max()))
+    largest = float(np.abs([low, high]).max())
+    factor, unit = (1.0, unit) if is_log else unit_prefix(unit, [largest])
+    power = 0 if is_log else unit_power(factor * largest)
 
     def scaled(values: Array) -> Array:
-        return np.asarray(np.log10(values) if is_log else values * 10.0**-power)
+        return np.asarray(np.log10(values) if is_log else values * factor * 10.0**-power)
 
     frame = Frame(box, (0.0, 1.0), span(scaled(low), scaled(high)))
     words = _decade_words(*frame.y_range) if is_log else tick_words(*frame.y_range)
@@ -212,17 +222,18 @@ def _names(marks: Sequence[Mark], across: Array, bottom: float) -> tuple[str, fl
     wanted = loud + (list(range(len(marks))) if len(marks) <= _MOST_NAMED else [])
     placed: list[float] = []
     parts = []
-    longest = 0
+    longest = 0.0
     for index in wanted:
         x = float(across[index])
         if all(abs(x - other) >= _APART for other in placed):
             placed.append(x)
             name = marks[index].motor
             short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
-            longest = max(longest, len(short))
+            wide = sum(letter in "mwMW@%" for letter in short)
+            longest = max(longest, _LETTER * (len(short) - wide) + _WIDE_LETTER * wide)
             kind = "tick end strong" if index in loud else "tick end"
             parts.append(text(x + 3.5, bottom + 6, short, kind, turned=True))
-    return "".join(parts), _LETTER * longest
+    return "".join(parts), longest
 
 
 def _hovers(marks: Sequence[Mark], across: Array, bottom: float, unit: str) -> str:
@@ -231,7 +242,8 @@ def _hovers(marks: Sequence[Mark], across: Array, bottom: float, unit: str) -> s
     parts = []
     for mark, x in zip(marks, across, strict=True):
         value = interval_text(mark.median, mark.q05, mark.q95)
-        title = f"{mark.motor}: {value.median} ({value.low} … {value.high}){value.power} {unit}"
+        title = f"{mark.motor}: {value.median} ({value.low} … {value.high}){value.power} "
+        title += unit_text(unit)
         if mark.score is not None:
             title += f"; {mark.score:+.1f} robust sd from the fleet median"
         if mark.drift is not None and mark.drift.sds is not None:

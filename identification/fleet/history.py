@@ -11,7 +11,7 @@ from identification.fleet.figure import framed
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
 from identification.reporting.svg import Frame, path, span, svg, text, tick_words
-from identification.result.numbers import number_text, scaled_unit, unit_power
+from identification.result.numbers import number_text, scaled_unit, unit_power, unit_prefix
 
 __all__ = ["history_figure"]
 
@@ -40,8 +40,10 @@ def history_figure(
     if not shown:
         return ""
     places, low, middle, high = np.array(shown, dtype=np.float64).T
-    power = unit_power(float(np.abs([low, high]).max()))
-    scale = 10.0**-power
+    largest = float(np.abs([low, high]).max())
+    factor, unit = unit_prefix(unit, [largest])
+    power = unit_power(factor * largest)
+    scale = factor * 10.0**-power
     frame = Frame(_BOX, (-0.5, len(refits) - 0.5), span(scale * low, scale * high, margin=0.12))
     # A text at each fit, or at some of many.
     below = "".join(

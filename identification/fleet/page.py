@@ -35,6 +35,7 @@ from identification.result.numbers import (
     number_text,
     percent_text,
     signed_percent_text,
+    unit_prefix,
     unit_text,
 )
 
@@ -167,7 +168,8 @@ def explained_view(explanation: Explanation) -> dict[str, Any]:
 
 
 def _with_unit(value: float | None, name: str) -> str:
-    return f"{number_text(value)} {unit_text(DECLARED_PARAMETERS[name].unit)}"
+    factor, unit = unit_prefix(DECLARED_PARAMETERS[name].unit, [value])
+    return f"{number_text(None if value is None else factor * value)} {unit_text(unit)}"
 
 
 def _parameter(
