@@ -19,7 +19,7 @@ async function send(file) {
   const line = notice("busy", file.name, "is read …");
   const body = new FormData(form);
   body.append("file", file);
-  let problem = "could not be sent; check that motorid serve is running";
+  let problem = "could not be sent; check that motorid serve is running, and that this is a file and has not changed since you selected it";
   try {
     const answer = await fetch("/pending", { method: "POST", body, headers: { "HX-Request": "true" } });
     if (answer.headers.has("HX-Redirect")) location.assign(answer.headers.get("HX-Redirect"));
