@@ -84,6 +84,10 @@ def run_batch(
         console.print_json(rows)
     elif not show.quiet:
         console.print_rows(["motor", "status", *DECLARED_PARAMETERS, "warnings"], rows)
+        for refit in batch.refits:
+            if refit.error:
+                line = f"{refit.motor}: {refit.error}"
+                console.results_console().print(line, style="red", soft_wrap=True)
     failed = [refit.motor for refit in batch.refits if refit.status == "failed"]
     if failed:
         raise ComputationError(

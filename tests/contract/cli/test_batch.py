@@ -134,7 +134,8 @@ def test_failed_motor_is_reported_and_does_not_stop_the_others(
     assert float(table["one"]["Ra25"]) == result["parameters"]["Ra25"]["median"]
     assert [run["role"] for run in result["runs"]] == ["training", "training", "validation"]
     assert not (tmp_path / "bad").exists()
-    assert [line.split()[:2] for line in shown.splitlines()[-3:]] == [
+    assert shown.splitlines()[-1] == f"bad: {table['bad']['error']}"
+    assert [line.split()[:2] for line in shown.splitlines()[-4:-1]] == [
         ["one", "fitted"], ["bad", "failed"], ["two", "fitted"],
     ]  # fmt: skip
 
