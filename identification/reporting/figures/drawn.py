@@ -54,7 +54,11 @@ def drawn_chart(element: str, width: float = 460.0) -> str:
 
 def _drawn(spec: Mapping[str, Any], words: str, width: float) -> str:
     title, _, description = words.partition(". ")
-    labels = [(one["label"], _kind(one)) for one in spec["lines"] if one["label"]]
+    labels = [
+        (f"{'‒ ‒' if one['mark'] == 'dashed' else '—'} {one['label']}", _kind(one))
+        for one in spec["lines"]
+        if one["label"]
+    ]
     keys = _rows(labels, width - _RIGHT)
     key = _KEY * len(keys)
     height = min(float(spec["height"]), 400.0) - _BOTTOM
@@ -107,11 +111,11 @@ _Placed = tuple[float, str, str]
 
 
 def _rows(labels: list[tuple[str, str]], right: float) -> list[list[_Placed]]:
-    """Rows of the key: the start of each label, the label and its kind."""
+    """Rows of the key: the start of each label, the label with its line, and its kind."""
     rows: list[list[_Placed]] = []
     at = right
     for label, kind in labels:
-        wide = _PER_LETTER * (len(label) + 3)
+        wide = _PER_LETTER * (len(label) + 1)
         if not rows or at + wide > right:
             rows.append([])
             at = _LEFT
@@ -123,7 +127,7 @@ def _rows(labels: list[tuple[str, str]], right: float) -> list[list[_Placed]]:
 def _key(rows: list[list[_Placed]]) -> str:
     """Labels of the series above the plot, each in the colour of its series."""
     return "".join(
-        text(at, _TOP + 4.0 + _KEY * row, f"— {label}", f"tick strong {kind}")
+        text(at, _TOP + 4.0 + _KEY * row, label, f"tick strong {kind}")
         for row, placed in enumerate(rows)
         for at, label, kind in placed
     )

@@ -56,7 +56,7 @@
     var values = series.map(function (one) {
       if (!one.label) return null;
       var item = element("span", "reading"), value = element("span", "num", "");
-      item.append(element("span", "swatch " + one.kind), one.label + " ", value);
+      item.append(element("span", "swatch " + one.kind + (one.mark === "dashed" ? " dashed" : "")), one.label + " ", value);
       head.append(item);
       return value;
     });
