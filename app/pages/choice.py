@@ -209,7 +209,7 @@ def _prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str,
             "name": name,
             "value": number_text(units[name][0] * entry["value"], 3),
             "unit": unit_text(units[name][1]),
-            "precision": _precision(entry),
+            "precision": _precision(entry, units[name][0]),
             "identified": entry["identified"],
             "advice": entry["advice"],
         }
@@ -236,9 +236,12 @@ def _prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str,
     }
 
 
-def _precision(entry: Mapping[str, Any]) -> str:
-    """Half width of the expected 90 % interval in percent of the value."""
-    if entry["expected_sd"] is None or not entry["value"]:
+def _precision(entry: Mapping[str, Any], factor: float) -> str:
+    """Half width of the expected 90 % interval in percent of the value, or else in its unit."""
+    if entry["expected_sd"] is None:
         return "unknown"
-    percent = 100.0 * _INTERVAL * entry["expected_sd"] / abs(entry["value"])
-    return f"± {percent:.2g} %" if percent < 99.5 else "above 100 %"
+    half = _INTERVAL * entry["expected_sd"]
+    if half > 0.995 * abs(entry["value"]):
+        # A coefficient near zero can be determined well.
+        return f"± {number_text(factor * half, 2)}"
+    return f"± {100.0 * half / abs(entry['value']):.2g} %"

@@ -7,6 +7,7 @@ import pytest
 from app.errors import FieldRefused
 from app.fits.schemas import FitOptionsIn
 from app.pages.choice import options_from
+from app.pages.choice_views import prospects_view
 from identification.known import known_values
 
 FIELDS = {
@@ -56,3 +57,17 @@ def test_temperature_that_is_no_number_is_named() -> None:
     """The message has the field and the value."""
     with pytest.raises(FieldRefused, match="temperatures: 'hot' is not a number"):
         options_from(FIELDS | {"temperatures": "25, hot"})
+
+
+def test_precision_of_a_coefficient_near_zero_is_in_its_unit() -> None:
+    """1.645 standard deviations of 4e-4 1/K are 6.6e-4 1/K, and of 0.1 ohm 16 % of 1 ohm."""
+    entry = {"identified": True, "advice": ""}
+    found = {
+        "parameters": {
+            "Ra25": entry | {"value": 1.0, "expected_sd": 0.1, "unit": "ohm"},
+            "alpha_Kt": entry | {"value": -7.6e-5, "expected_sd": 4e-4, "unit": "1/K"},
+        },
+        "errors": [], "findings": [], "notes": [],
+    }  # fmt: skip
+    shown = prospects_view(found, 1)["parameters"]
+    assert [one["precision"] for one in shown] == ["± 16 %", "± 6.6 ×10⁻⁴"]
