@@ -111,7 +111,7 @@ def _tuned(case: Case) -> dict[str, Any]:
         _motor(case),
         parse_specification(case.specification),
         temperatures=_RANGE,
-        kinds=KINDS,
+        kinds=tuple(KINDS),
         controllers=case.controllers,
         step=case.step,
     )
