@@ -1,4 +1,4 @@
-"""Create the tables of keys, sessions, runs, pending runs, benches, batches and fits.
+"""Create the tables of keys, sessions, runs, batches and fits.
 
 Written out and not taken from `app.tables`: a released version must not change with the tables.
 """
@@ -10,7 +10,7 @@ from alembic import op
 
 __all__ = ["down_revision", "revision", "upgrade"]
 
-revision = "0006"
+revision = "0001"
 down_revision = None
 
 
@@ -18,7 +18,6 @@ def upgrade() -> None:
     """Create all tables."""
     _keys_and_sessions()
     _runs()
-    _pending_runs_and_benches()
     _batches()
     _fits()
 
@@ -32,8 +31,6 @@ def _keys_and_sessions() -> None:
         sa.Column("digest", sa.String(64), nullable=False, unique=True),
         sa.Column("created_at", sa.Double, nullable=False),
         sa.Column("revoked_at", sa.Double),
-        sa.Column("expires_at", sa.Double),
-        sa.Column("last_used_at", sa.Double),
     )
     op.create_table(
         "sessions",
@@ -62,36 +59,9 @@ def _runs() -> None:
         sa.Column("channels", sa.JSON, nullable=False),
         sa.Column("warnings", sa.JSON, nullable=False),
         sa.Column("created_at", sa.Double, nullable=False),
-        sa.Column("sent_at", sa.Double),
-        sa.Column("role", sa.String(10)),
         sa.UniqueConstraint("workspace", "sha256", "mapping_sha256", name="uq_runs_content"),
     )
     op.create_index("ix_runs_workspace_created", "runs", ["workspace", "created_at"])
-
-
-def _pending_runs_and_benches() -> None:
-    op.create_table(
-        "pending_runs",
-        sa.Column("id", sa.String(40), primary_key=True),
-        sa.Column("workspace", sa.String(100), nullable=False),
-        sa.Column("sha256", sa.String(64), nullable=False),
-        sa.Column("bytes", sa.BigInteger, nullable=False),
-        sa.Column("file", sa.String(255), nullable=False),
-        sa.Column("motor", sa.String(200)),
-        sa.Column("bench", sa.String(200)),
-        sa.Column("mapping", sa.JSON),
-        sa.Column("found", sa.JSON, nullable=False),
-        sa.Column("created_at", sa.Double, nullable=False),
-    )
-    columns = ["workspace", "created_at"]
-    op.create_index("ix_pending_runs_workspace_created", "pending_runs", columns)
-    op.create_table(
-        "benches",
-        sa.Column("workspace", sa.String(100), primary_key=True),
-        sa.Column("name", sa.String(200), primary_key=True),
-        sa.Column("mapping", sa.JSON, nullable=False),
-        sa.Column("changed_at", sa.Double, nullable=False),
-    )
 
 
 def _batches() -> None:
@@ -121,7 +91,6 @@ def _fits() -> None:
         sa.Column("version", sa.Integer, nullable=False),
         sa.Column("attempt", sa.Integer, nullable=False),
         sa.Column("failures", sa.Integer, nullable=False),
-        sa.Column("interruptions", sa.Integer, nullable=False, server_default="0"),
         sa.Column("owner", sa.String(200)),
         sa.Column("lease_until", sa.Double),
         sa.Column("error", sa.JSON),
@@ -137,7 +106,6 @@ def _fits() -> None:
     op.create_index("ix_fits_workspace_created", "fits", ["workspace", "created_at"])
     op.create_index("ix_fits_queue", "fits", ["status", "created_at", "position"])
     op.create_index("ix_fits_batch", "fits", ["batch_id", "position"])
-    op.create_index("ix_fits_motor", "fits", ["workspace", "motor", "created_at"])
     op.create_table(
         "fit_runs",
         sa.Column(
