@@ -240,7 +240,7 @@ def _posterior() -> PosteriorChain:
     steps = signal.lfilter([0.3], [1, -0.7], rng.standard_normal((600, 32, size)), axis=0)
     centre = np.array([*TRUTH.values(), 0.05, 0.35])
     units = (*(DECLARED_PARAMETERS[name].unit for name in TRUTH), "A", "rad/s")
-    return PosteriorChain(names, units, centre * (1 + 0.002 * (steps @ mixing.T)))
+    return PosteriorChain(names, units, centre * (1 + 0.002 * (steps @ mixing.T)), 50.0, 1.03)
 
 
 def _coefficients(with_effect: bool) -> tuple[CoefficientCurve, ...]:

@@ -13,6 +13,7 @@ from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.excitation import sample_interval
 from identification.model.printing import printed_equations
+from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
 from identification.result.account import account_of
 from identification.result.attempts import Attempts
 from identification.result.diagnosis import signals_at
@@ -44,7 +45,11 @@ def report_data(result: dict[str, Any], findings: Findings, created: str = "") -
         runs=tuple(_runs(findings)),
         coefficients=attempts.rows("curve over temperature", _coefficients, findings),
         steps=attempts.rows("step response", _steps, findings),
-        posterior=PosteriorChain(sample.names, sample.units, sample.chain) if sample else None,
+        posterior=None
+        if sample is None
+        else PosteriorChain(
+            sample.names, sample.units, sample.chain, REQUIRED_LENGTH, LARGEST_R_HAT
+        ),
         equations=tuple(printed_equations(findings.final.simulator.model).values()),
         account=_account(result, findings, attempts),
         reasons=attempts.part("reason of a parameter", _reasons, findings) or {},

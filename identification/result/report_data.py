@@ -13,8 +13,6 @@ from typing import Any, Literal
 import numpy as np
 
 from identification.arrays import Array
-from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
-from identification.speed_loop import StepCurve
 
 __all__ = [
     "CandidateRow",
@@ -66,9 +64,9 @@ class PosteriorChain:
     """(n_param,) their units."""
     chain: Array
     """(n_step, n_walker, n_param), each in its unit."""
-    least_length: float = REQUIRED_LENGTH
+    least_length: float
     """Length required of a converged chain [autocorrelation times]."""
-    largest_r_hat: float = LARGEST_R_HAT
+    largest_r_hat: float
     """Largest split R-hat of a converged chain."""
 
 
@@ -92,11 +90,23 @@ class CoefficientCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class StepResponse(StepCurve):
-    """Step response of the linear loop, and of the loop with the effects of the motor."""
+class StepResponse:
+    """Speed of the closed loop after a unit step of the reference, with its 90 % band."""
 
+    temperature_degC: float
+    """Temperature of winding and magnet [degC]."""
+    controller: str
+    """Controller as the user gave it, such as ``PI:2,10``."""
+    time: Array
+    """(n_point,) increasing from zero [s]."""
+    median: Array
+    """(n_point,) speed over reference [-]."""
+    q05: Array
+    """(n_point,) lower end of the band [-]."""
+    q95: Array
+    """(n_point,) upper end of the band [-]."""
     simulated: Array | None = None
-    """(n_time,) median with the effects in the loop [rad/s]; None if no effect acts there."""
+    """(n_point,) median with the effects in the loop [-]; None if no effect acts there."""
 
 
 @dataclass(frozen=True, eq=False)

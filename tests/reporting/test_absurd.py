@@ -107,7 +107,7 @@ def _correlation(values: Array, width: Array) -> Correlation:
 
 def _chain(a: Array, b: Array) -> PosteriorChain:
     walks = np.stack([a, b], axis=1).reshape(-1, 2, 2)
-    return PosteriorChain(("p", "q"), ("1", "N m"), walks)
+    return PosteriorChain(("p", "q"), ("1", "N m"), walks, 50.0, 1.03)
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -319,6 +319,6 @@ def test_gaps_and_missing_samples_reach_the_page_as_breaks() -> None:
 
 def test_a_chain_that_never_moved_has_a_figure() -> None:
     """The report of a sampler that is stuck must show that it is stuck."""
-    chain = PosteriorChain(("Ra25", "J"), ("ohm", "kg m^2"), np.ones((30, 8, 2)))
+    chain = PosteriorChain(("Ra25", "J"), ("ohm", "kg m^2"), np.ones((30, 8, 2)), 50.0, 1.03)
 
     assert "Trace of J" in render_report(replace(make_report(rows=300), posterior=chain))

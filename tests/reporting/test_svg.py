@@ -88,7 +88,7 @@ def test_names_of_many_parameters_do_not_run_into_each_other() -> None:
     names += tuple(f"shaft_compliance.{n}" for n in "abcdefgh") + ("noise_current_A",)
     chain = np.random.default_rng(1).standard_normal((30, 8, len(names)))
 
-    drawing = corner_figure(PosteriorChain(names, ("V",) * len(names), chain))
+    drawing = corner_figure(PosteriorChain(names, ("V",) * len(names), chain, 50.0, 1.03))
 
     places = re.findall(r'class="label strong" x="([\d.]+)" y="([\d.]+)">([^<]*)<', drawing)
     width = float(re.findall(r'viewBox="0 0 ([\d.]+)', drawing)[0])
