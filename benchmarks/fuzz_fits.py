@@ -37,7 +37,7 @@ from app.commands.motor import Show, feedback, motor_of
 from benchmarks.absurd_runs import Case, drawn
 from identification import identify, predict
 from identification.errors import IdentificationError
-from identification.result.entries import result_schema
+from identification.result.schema import result_schema
 from identification.threads import use_threads
 
 __all__ = ["Ending", "ending_of", "main"]

@@ -21,7 +21,7 @@ from mkdocs.structure.pages import Page
 import identification
 from app.main import create_app
 from app.settings import load_settings
-from identification.result.entries import result_schema
+from identification.result.schema import result_schema
 
 Schema = Mapping[str, Any]
 

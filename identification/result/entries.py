@@ -32,7 +32,6 @@ __all__ = [
     "known_only_from",
     "parameter_entry",
     "quantity_entry",
-    "result_schema",
     "result_text",
     "write_result",
 ]
@@ -104,12 +103,3 @@ def result_text(result: Mapping[str, Any]) -> str:
 def write_result(path: Path, result: Mapping[str, Any]) -> None:
     """Write result.json to `path` atomically."""
     write_text(path, result_text(result))
-
-
-def result_schema() -> dict[str, Any]:
-    """JSON Schema (2020-12) of result.json, with the names of all effects of the catalogue."""
-    # Imported here: a program that only reads results needs neither model nor schema.
-    from identification.effects.catalogue import CATALOGUE
-    from identification.result.schema import schema_of
-
-    return schema_of([*CATALOGUE, "unlisted"])

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 from pydantic.json_schema import GenerateJsonSchema
 
+from identification.effects.catalogue import CATALOGUE
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.members import (
     ABSENT,
@@ -29,7 +29,7 @@ from identification.result.members import (
     Text,
 )
 
-__all__ = ["Result", "schema_of"]
+__all__ = ["Result", "result_schema"]
 
 
 # As a second type of the object, not in a union: a validator then names the missing member.
@@ -320,12 +320,12 @@ def _in_short(node: dict[str, Any]) -> dict[str, Any]:
     return node
 
 
-def schema_of(effects: Sequence[str]) -> dict[str, Any]:
-    """JSON Schema (2020-12) of result.json, with the names that an effect may have."""
+def result_schema() -> dict[str, Any]:
+    """JSON Schema (2020-12) of result.json, with the names of all effects of the catalogue."""
     generated = json.dumps(Result.model_json_schema())
     schema: dict[str, Any] = json.loads(generated, object_hook=_in_short)
     parameter = {"$ref": "#/$defs/Parameter"}
-    schema["$defs"]["EffectEntry"]["properties"]["name"]["enum"] = [*effects]
+    schema["$defs"]["EffectEntry"]["properties"]["name"]["enum"] = [*CATALOGUE, "unlisted"]
     schema["$defs"]["MotorParameters"] |= {
         "additionalProperties": parameter,
         "required": [*DECLARED_PARAMETERS],

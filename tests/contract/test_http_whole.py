@@ -8,7 +8,7 @@ from pathlib import Path
 import httpx
 from jsonschema import Draft202012Validator
 
-from identification.result.entries import result_schema
+from identification.result.schema import result_schema
 from tests.app.service import Caller, serving
 
 CAMPAIGN = Path(__file__).parents[2] / "data" / "clean_servo"

@@ -12,7 +12,7 @@ from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
-from identification.result.entries import result_schema
+from identification.result.schema import result_schema
 from identification.surrogates.unlisted import SURROGATES
 
 CONTRACT = {

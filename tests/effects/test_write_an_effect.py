@@ -19,7 +19,7 @@ import sys
 from identification import effects
 effects.__path__.append(sys.argv[1])
 from identification.effects.catalogue import CATALOGUE, confusions_of
-from identification.result.entries import result_schema
+from identification.result.schema import result_schema
 names = result_schema()["$defs"]["EffectEntry"]["properties"]["name"]["enum"]
 print(list(CATALOGUE)[-1], CATALOGUE["eddy_brake"].__module__, names[-2])
 print(confusions_of(["eddy_brake"])[0].parameters)

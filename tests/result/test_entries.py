@@ -19,10 +19,10 @@ from identification.result.entries import (
     finite_or_null,
     parameter_entry,
     quantity_entry,
-    result_schema,
     result_text,
     write_result,
 )
+from identification.result.schema import result_schema
 from tests.reports import make_report
 
 ROOT = Path(__file__).parents[2]

@@ -12,7 +12,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from app.cli import main
-from identification.result.entries import result_schema
+from identification.result.schema import result_schema
 from tests.motors import NAMES, motor_named
 
 FAST = ["--no-posterior", "--no-effects"]
