@@ -194,7 +194,8 @@ def _errors(result: Mapping[str, Any]) -> Table:
     has_effects = bool(result.get("effects"))
     for stage in ("before", "after") if has_effects else ("",):
         for name in ("RMSE", "NRMSE", "noise ratio"):
-            table.add_column(f"{name} {stage}".strip(), justify="right")
+            # A word on each line, so that the table fits into 80 characters.
+            table.add_column("\n".join(f"{name} {stage}".split()), justify="right")
     for row in error_rows(result):
         before = row.before if has_effects else ()
         table.add_row(row.role, row.channel, row.unit, *before, *row.after)
