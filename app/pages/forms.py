@@ -143,7 +143,7 @@ class TuningForm:
     @classmethod
     def of(cls, given: Mapping[str, str], result: Mapping[str, Any]) -> Self:
         """Build the form from the query of an address; without a query, with defaults."""
-        known = {} if given else _DEFAULTS
+        known = {} if given else _DEFAULTS | {"rise_time": _rise_time(result)}
         return cls(
             values={name: given.get(name, known.get(name, "")).strip() for name in FIELDS},
             kind=given.get("kind", "PI").strip(),
@@ -175,6 +175,16 @@ class TuningForm:
             "temperatures": LoopForm("P", "1", "0", "0", self.temperature).temperatures,
             "probability": probability,
         }
+
+
+def _rise_time(result: Mapping[str, Any]) -> str:
+    """Twice the rise time of the PI controller of the report [s].
+
+    Without a requirement on the speed of the loop, any slow controller meets the others.
+    """
+    times = [entry["rise_time_s"]["median"] for entry in result.get("feedback_suited") or ()]
+    known = [time for time in times if time is not None]
+    return f"{2.0 * max(known):.2g}" if known else ""
 
 
 @dataclass(frozen=True)

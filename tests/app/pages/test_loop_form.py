@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.pages.forms import LoopForm
+from app.pages.forms import LoopForm, TuningForm
 from identification.errors import OptionError
 
 RESULT = {
@@ -47,3 +47,11 @@ def test_refused_temperatures_are_shown_with_what_was_expected(text: str, reason
     """The message contains the text and an example, or the limit."""
     with pytest.raises(OptionError, match=reason):
         _ = LoopForm.of({"temperature": text}, {}).temperatures
+
+
+def test_default_specification_asks_for_a_speed() -> None:
+    """Twice the 15.3 ms of the report's PI controller at its slower temperature are 31 ms."""
+    suited = [{"rise_time_s": {"median": time}} for time in (0.0132, 0.0153, None)]
+    assert TuningForm.of({}, {"feedback_suited": suited}).values["rise_time"] == "0.031"
+    assert TuningForm.of({}, {"feedback_suited": []}).values["rise_time"] == ""
+    assert TuningForm.of({"overshoot": "5"}, {"feedback_suited": suited}).values["rise_time"] == ""
