@@ -15,8 +15,8 @@ from app.fork_server.child import Answers, ProcessLimits, confine
 from identification.checks import check_runs
 from identification.errors import RunFileError
 from identification.ingest import Column, Limits, Run, read_run
-from identification.ingest.column_errors import similar_columns
-from identification.ingest.listing import list_columns
+from identification.ingest.columns import similar_columns
+from identification.ingest.read import list_columns
 from identification.ingest.units import CHANNEL_QUANTITIES
 
 __all__ = ["handle"]

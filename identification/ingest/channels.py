@@ -17,14 +17,14 @@ from identification.errors import (
     RunFileError,
     WrongUnit,
 )
-from identification.ingest.column_errors import (
+from identification.ingest.columns import (
+    Column,
     duplicate_columns,
     example,
     missing_columns,
     scaled_example,
     unknown_unit,
 )
-from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.faults import collected, refuse_all
 from identification.ingest.mapping import OPTIONAL_CHANNELS, ChannelMapping
@@ -125,7 +125,11 @@ def _mapped_channels(
         matches = [column for column in columns if column.has_name(entry.column)]
         if matches:
             with collected(errors):
-                found[name] = _mapped(entry, matches)
+                if len(matches) > 1:
+                    raise duplicate_columns(matches)
+                unit = _mapped_unit(entry, matches[0])
+                scaling = entry.scale, entry.offset, entry.period
+                found[name] = Channel(name, matches[0], unit, *scaling)
         else:
             absent.append(f"{quoted(entry.column)} for {name}")
     if absent:
@@ -176,14 +180,6 @@ def _factors(
     if not absent:
         found |= {name: _unambiguous(name, columns) for name, columns in candidates.items()}
     return found if len(found) == len(FACTOR_QUANTITIES) else {}
-
-
-def _mapped(entry: ChannelMapping, matches: Sequence[Column]) -> Channel:
-    if len(matches) > 1:
-        raise duplicate_columns(matches)
-    column = matches[0]
-    unit = _mapped_unit(entry, column)
-    return Channel(entry.channel, column, unit, entry.scale, entry.offset, entry.period)
 
 
 def _mapped_unit(entry: ChannelMapping, column: Column) -> Unit:

@@ -2,65 +2,29 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 
 from identification.errors import RunFileError
 from identification.ingest.display import quoted
 
 __all__ = ["Faults", "collected", "refuse_all"]
 
+_Place = tuple[int, object]
+"""Row and value of a fault."""
 _SHOWN = 4
 """Further ranges of rows listed for each column and kind of fault."""
 _MOST = 10_000
 """Faults after which reading stops; a file with more is not corrected by hand."""
 
 
-@dataclass
-class _Group:
-    """Faults of one kind in one column: the first one, and the rows of the others.
-
-    `ranges` holds first row, last row and value of consecutive rows with the same value.
-    """
-
-    first: RunFileError
-    ranges: list[tuple[int, int, object]] = field(default_factory=list)
-    unlisted: int = 0
-
-    def add(self, row: int, value: object) -> None:
-        """Count one more row."""
-        if self.ranges and self.ranges[-1][1:] == (row - 1, value):
-            self.ranges[-1] = (self.ranges[-1][0], row, value)
-        elif len(self.ranges) < _SHOWN:
-            self.ranges.append((row, row, value))
-        else:
-            self.unlisted += 1
-
-    def error(self) -> RunFileError:
-        """The first error, whose message lists the rows of the others."""
-        others = [
-            (f"row {first}" if first == last else f"rows {first} to {last}")
-            + (f" ({quoted(value)})" if isinstance(value, str) and value else "")
-            for first, last, value in self.ranges
-        ]
-        if others:
-            more = f" and {self.unlisted} more" if self.unlisted else ""
-            self.first.message += f"; the same in {', '.join(others)}{more}"
-            self.ranges = []
-        return self.first
-
-
 class Faults:
-    """Faults of one file, grouped by column and kind in the order of their detection.
-
-    Attributes:
-        count: Number of faults.
-    """
+    """Faults of one file, grouped by column and kind in the order of their detection."""
 
     def __init__(self) -> None:
-        self.count = 0
-        self._groups: dict[tuple[str, str | None], _Group] = {}
+        self._count = 0
+        self._groups: dict[tuple[str, str | None], tuple[RunFileError, list[_Place]]] = {}
 
     def add(self, error: RunFileError) -> None:
         """Record a fault with its row, after those of earlier rows of its column.
@@ -70,18 +34,19 @@ class Faults:
         """
         if error.row is None:
             raise error
-        self.count += 1
-        group = self._groups.get((error.code, error.column))
-        if group is None:
-            self._groups[error.code, error.column] = _Group(error)
-        else:
-            group.add(error.row, error.value)
-        if self.count >= _MOST:
+        self._count += 1
+        first, others = self._groups.setdefault((error.code, error.column), (error, []))
+        if first is not error:
+            others.append((error.row, error.value))
+        if self._count >= _MOST:
             self.refuse(f"; reading stopped at row {error.row}, after {_MOST} faults")
 
     def errors(self) -> list[RunFileError]:
         """First fault of each column and kind; its message lists the rows of the others."""
-        return [group.error() for group in self._groups.values()]
+        for first, others in self._groups.values():
+            first.message += _same_in(others)
+            others.clear()
+        return [first for first, _ in self._groups.values()]
 
     def refuse(self, remark: str = "") -> None:
         """Raise the first fault, with the first ones of the other columns as `further`.
@@ -93,6 +58,20 @@ class Faults:
         if errors:
             errors[0].message += remark
         refuse_all(errors)
+
+
+def _same_in(others: Sequence[_Place]) -> str:
+    """Text that lists the rows of further faults; consecutive ones of the same value as a range."""
+    by_range = itertools.groupby(enumerate(others), lambda one: (one[1][0] - one[0], one[1][1]))
+    ranges = [[place for _, place in group] for _, group in by_range]
+    listed = []
+    for group in ranges[:_SHOWN]:
+        (first, value), last = group[0], group[-1][0]
+        rows = f"row {first}" if first == last else f"rows {first} to {last}"
+        listed.append(rows + (f" ({quoted(value)})" if isinstance(value, str) and value else ""))
+    unlisted = sum(map(len, ranges[_SHOWN:]))
+    more = f" and {unlisted} more" if unlisted else ""
+    return f"; the same in {', '.join(listed)}{more}" if listed else ""
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from identification.errors import AbsurdValue, RunFileError
 from identification.examples import Example, of_file
 from identification.ingest.faults import collected, refuse_all
 from identification.ingest.run import RunWarning, SourceLocator
+from identification.ingest.units import canonical_unit
 
 __all__ = ["BOUNDS", "Bounds", "check_values"]
 
@@ -34,6 +35,8 @@ class Bounds:
     """Lowest and highest usual value; a value outside gives a warning."""
     hint: str
     """Most likely cause of a value outside."""
+    unit: str
+    """Most likely actual unit of a channel with an impossible value."""
     least: float = 0.0
     """Smallest usual peak magnitude of a run, zero for none."""
     small: str = ""
@@ -45,6 +48,7 @@ BOUNDS = {
         (-5e3, 5e3),
         (-1e3, 1e3),
         "is it in millivolts?",
+        "mV",
         0.1,
         "is it in kilovolts, or the output of a voltage divider?",
     ),
@@ -52,6 +56,7 @@ BOUNDS = {
         (-2e4, 2e4),
         (-2e3, 2e3),
         "is it in milliamperes?",
+        "mA",
         1e-4,
         "is it in kiloamperes, or the output of a sensor in volts?",
     ),
@@ -59,26 +64,20 @@ BOUNDS = {
         (-2e4, 2e4),
         (-2.5e3, 2.5e3),
         "is it in rpm or degrees per second?",
+        "rpm",
         1e-2,
         "is it in krad/s, or the output of a tachogenerator?",
     ),
-    "temperature_degC": Bounds((-100.0, 300.0), (-60.0, 200.0), "is it in kelvin or Fahrenheit?"),
-    "position_rad": Bounds((-1e12, 1e12), (-1e9, 1e9), "is it in encoder counts?"),
+    "temperature_degC": Bounds(
+        (-100.0, 300.0), (-60.0, 200.0), "is it in kelvin or Fahrenheit?", "K"
+    ),
+    "position_rad": Bounds((-1e12, 1e12), (-1e9, 1e9), "is it in encoder counts?", "deg"),
 }
 """Bounds of every channel except time; docs/run-files.md prints them.
 
 The least peaks have a basis in the slowest and smallest applications: brushed motors of 6 mm start
 near 0.5 V and draw milliamperes without load, and the direct drive of a rate table or telescope
 turns at 0.1 rad/s.  The limits are a fifth to a tenth of these."""
-
-_OTHER_UNITS = {
-    "voltage_V": "mV",
-    "current_A": "mA",
-    "speed_rad_s": "rpm",
-    "temperature_degC": "K",
-    "position_rad": "deg",
-}
-"""Most likely actual unit of a channel with an impossible value."""
 
 # Range of motor temperatures in kelvin, from cold room to hot winding [K].
 _KELVIN = (250.0, 430.0)
@@ -139,7 +138,7 @@ def _refuse_kelvin(temperature: Array, locator: SourceLocator) -> None:
 
 def _check_bounds(name: str, signal: Array, locator: SourceLocator) -> Iterator[RunWarning]:
     bounds = BOUNDS[name]
-    unit = "degC" if name == "temperature_degC" else name.split("_", 1)[1].replace("_", "/")
+    unit = canonical_unit(name).name
     outside = np.flatnonzero((signal < bounds.possible[0]) | (signal > bounds.possible[1]))
     if outside.size:
         sample = int(outside[0])
@@ -152,7 +151,7 @@ def _check_bounds(name: str, signal: Array, locator: SourceLocator) -> Iterator[
             name,
             sample,
             value,
-            [_correction(name, locator, _OTHER_UNITS[name])],
+            [_correction(name, locator, bounds.unit)],
         )
     unusual = (signal < bounds.usual[0]) | (signal > bounds.usual[1])
     if np.any(unusual):

@@ -1,4 +1,4 @@
-"""Run file reader: convert one file or DataFrame into a checked `Run`.
+"""Run file reader: convert one file or DataFrame into a checked `Run`, or list its columns.
 
     file -> table -> channels -> cells -> SI units -> checks
             reader   channels    reader   here        timing, clipping, plausibility
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,13 +20,11 @@ import pandas as pd
 
 from identification.arrays import Array
 from identification.errors import AbsurdValue, FileTooLarge, MissingColumn, RaggedRow, TooFewRows
-from identification.ingest.angle import unwrapped, with_speed
 from identification.ingest.channels import Channel
 from identification.ingest.clipping import find_clipped
-from identification.ingest.column_errors import similar_columns
-from identification.ingest.columns import Column
+from identification.ingest.columns import Column, similar_columns
+from identification.ingest.derived import unwrapped, with_speed, with_voltage
 from identification.ingest.display import listed, plain
-from identification.ingest.duty import voltage_source, with_voltage
 from identification.ingest.faults import Faults
 from identification.ingest.file import Limits, RunFile, naming, open_run_file, unpacked
 from identification.ingest.formats import FORMAT_READERS
@@ -42,11 +40,11 @@ from identification.ingest.reader import (
     not_finite,
 )
 from identification.ingest.run import Run, RunWarning, Source, SourceLocator
-from identification.ingest.tables import choose_table
+from identification.ingest.tables import choose_table, closest_table
 from identification.ingest.text import TextReader
 from identification.ingest.timing import check_time, find_segments
 
-__all__ = ["FEWEST_ROWS", "READERS", "read_run"]
+__all__ = ["FEWEST_ROWS", "READERS", "list_columns", "read_run"]
 
 FEWEST_ROWS = 10
 """Smallest accepted number of samples; fewer carry too little information for seven parameters."""
@@ -85,25 +83,35 @@ def read_run(
         shown = plain(name if name is not None else "DataFrame", 200)
         with naming(shown):
             frame = Frame(source, shown)
-            return _checked(frame, frame, read_mapping(mapping, shown), limits)
-    shown = plain(name if name is not None else os.path.basename(os.fspath(source)), 200)
+            return _run(frame, frame, read_mapping(mapping, shown), limits)
+    shown = _shown(source, name)
     with naming(shown):
         run_mapping = read_mapping(mapping, shown)
         with open_run_file(Path(source), shown, limits) as file:
-            content = unpacked(file)
-            candidates = (*readers, *READERS)
-            reader = next(r for r in candidates if r.recognises(content.name, content.head))
-            return _checked(file, reader.open(content), run_mapping, limits)
+            return _run(file, _opened(file, (*readers, *READERS)), run_mapping, limits)
 
 
-def _checked(
-    file: RunFile | Frame, opened: SourceTable | TableSet, mapping: RunMapping, limits: Limits
-) -> Run:
-    """Choose a table, assign its columns, read its cells and check them."""
-    table, channels = choose_table(opened, mapping)
-    samples = table.read(tuple(channels.values()))
-    _check_size(samples, limits)
-    return _run(file, table.columns, channels, samples)
+def list_columns(
+    path: str | os.PathLike[str], *, name: str | None = None, limits: Limits | None = None
+) -> tuple[Column, ...]:
+    """Columns of a run file from left to right, among which a user selects the channels.
+
+    Raises:
+        RunFileError: The file contains no table.
+    """
+    shown = _shown(path, name)
+    with naming(shown), open_run_file(Path(path), shown, limits or Limits()) as file:
+        return tuple(closest_table(_opened(file, READERS)).columns)
+
+
+def _shown(path: str | os.PathLike[str], name: str | None) -> str:
+    return plain(name if name is not None else os.path.basename(os.fspath(path)), 200)
+
+
+def _opened(file: RunFile, readers: Sequence[Reader]) -> SourceTable | TableSet:
+    content = unpacked(file)
+    reader = next(r for r in readers if r.recognises(content.name, content.head))
+    return reader.open(content)
 
 
 def _check_size(samples: Samples, limits: Limits) -> None:
@@ -132,17 +140,26 @@ def _refuse_few(rows: int, row: Callable[[int], int]) -> None:
 
 
 def _run(
-    file: RunFile | Frame, columns: Sequence[Column], channels: dict[str, Channel], samples: Samples
+    file: RunFile | Frame, opened: SourceTable | TableSet, mapping: RunMapping, limits: Limits
 ) -> Run:
-    """Convert to SI units and check."""
+    """Choose a table, assign its columns, read its cells, convert to SI units and check."""
+    table, channels = choose_table(opened, mapping)
+    samples = table.read(tuple(channels.values()))
+    _check_size(samples, limits)
     labels = {name: channel.column.label for name, channel in channels.items()}
     locator = SourceLocator(file.name, labels, samples.row)
     values, warnings = _values(channels, samples, locator)
-    sources = {name: _source(channel, samples.methods) for name, channel in channels.items()}
+    sources = {
+        name: Source(
+            c.column.title, c.unit.name, c.scale, c.offset, samples.methods.get(name), c.period
+        )
+        for name, c in channels.items()
+    }
     if "duty" in channels:
         values, locator, note = with_voltage(values, locator)
         warnings.append(note)
-        sources["voltage_V"] = voltage_source(sources["duty"], sources["bus_voltage_V"])
+        product = f"{sources['duty'].header} x {sources['bus_voltage_V'].header}"
+        sources["voltage_V"] = Source(product, "V", method="duty")
     if "speed_rad_s" not in channels:
         values, locator, note = with_speed(values, channels["position_rad"], locator)
         _refuse_few(values["time_s"].size, locator.row)
@@ -167,19 +184,8 @@ def _run(
         clipped=clipped,
         sources=sources,
     )
-    about_file = (*_header_warnings(columns, channels, run, locator), *samples.warnings)
+    about_file = (*_header_warnings(table.columns, channels, run, locator), *samples.warnings)
     return dataclasses.replace(run, warnings=(*about_file, *warnings, *notes))
-
-
-def _source(channel: Channel, methods: Mapping[str, str]) -> Source:
-    return Source(
-        channel.column.title,
-        channel.unit.name,
-        channel.scale,
-        channel.offset,
-        methods.get(channel.name),
-        channel.period,
-    )
 
 
 def _values(

@@ -6,7 +6,6 @@ converts or repairs data.
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -209,9 +208,5 @@ def write_run(run: Run, path: str | os.PathLike[str]) -> None:
         run: Run to write; segments, clipped samples and warnings are recomputed on reading.
         path: File to write.
     """
-    columns = {"time_s": run.time, **run.channels}
-    with open(path, "w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        # Python writes the shortest decimal that reads back as the same float.
-        writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
+    # The shortest decimal that reads back as the same float, whatever the ending of the path.
+    run.table().to_csv(path, index=False, lineterminator="\n", compression=None)

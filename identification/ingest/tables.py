@@ -102,11 +102,12 @@ def _closest(
 ) -> RunFileError:
     """Error of the table with the most channels, with the names of the others."""
     name = max(tables, key=lambda name: _quantities(tables[name]))
-    if len(opened.tables) == 1:
-        return _noted(errors[name], opened.notes)
-    others = listed(other for other in opened.tables if other != name)
-    where = f"; this is the {opened.kind} {quoted(name)}, the file also has {others}"
-    return _noted(errors[name], where + opened.notes)
+    if len(opened.tables) > 1:
+        others = listed(other for other in opened.tables if other != name)
+        where = f"; this is the {opened.kind} {quoted(name)}, the file also has {others}"
+        errors[name].message += where
+    errors[name].message += opened.notes
+    return errors[name]
 
 
 def closest_table(opened: SourceTable | TableSet) -> SourceTable:
@@ -135,9 +136,3 @@ def _no_table(opened: TableSet) -> NoTable:
         f"the file has no {opened.kind} with columns of numbers{opened.notes}; expected one "
         "column for each channel"
     )
-
-
-def _noted(error: RunFileError, note: str) -> RunFileError:
-    """The error with a note at the end of its message."""
-    error.message += note
-    return error

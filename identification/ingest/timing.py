@@ -7,8 +7,6 @@ continuous motor state.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,22 +40,16 @@ def check_time(time: Array, locator: SourceLocator) -> None:
     sample = int(wrong[0]) + 1
     now, before = float(time[sample]), float(time[sample - 1])
     if now == before:
-        raise locator.error(
-            RepeatedTime,
+        message = (
             f"the time {now:.9g} s is repeated ({wrong.size} such samples); "
-            "log the time with more digits or remove the repeated rows",
-            "time_s",
-            sample,
-            now,
+            "log the time with more digits or remove the repeated rows"
         )
-    raise locator.error(
-        BackwardTime,
+        raise locator.error(RepeatedTime, message, "time_s", sample, now)
+    message = (
         f"the time decreases from {before:.9g} s to {now:.9g} s; "
-        "a file is one run in order of time; cut it here, or correct the overflow of the counter",
-        "time_s",
-        sample,
-        now,
+        "a file is one run in order of time; cut it here, or correct the overflow of the counter"
     )
+    raise locator.error(BackwardTime, message, "time_s", sample, now)
 
 
 def find_gaps(time: Array) -> NDArray[np.intp]:
@@ -77,22 +69,14 @@ def find_segments(
     median = float(np.median(interval))
     gaps = find_gaps(time)
     edges = [0, *(int(gap) + 1 for gap in gaps), time.size]
-    warnings = list(_timing_warnings(interval, gaps, median, locator))
-    return tuple(zip(edges[:-1], edges[1:], strict=True)), warnings
-
-
-def _timing_warnings(
-    interval: Array, gaps: NDArray[np.intp], median: float, locator: SourceLocator
-) -> Iterator[RunWarning]:
+    warnings = []
     if gaps.size:
         longest = int(gaps[np.argmax(interval[gaps])])
-        yield locator.warning(
-            "gap",
+        message = (
             f"{gaps.size} gap(s), the longest is {interval[longest]:.4g} s at a sample interval of "
-            f"{median:.4g} s; the run is divided into {gaps.size + 1} records",
-            "time_s",
-            longest + 1,
+            f"{median:.4g} s; the run is divided into {gaps.size + 1} records"
         )
+        warnings.append(locator.warning("gap", message, "time_s", longest + 1))
     regular = np.delete(interval, gaps)
     deviation = regular / median - 1.0
     worst = int(np.argmax(np.abs(deviation)))
@@ -100,17 +84,16 @@ def _timing_warnings(
     if rms > _RMS_JITTER or abs(float(deviation[worst])) > _LARGEST_JITTER:
         # `regular` omits the gaps; add those before the worst interval to get its sample index.
         before = int(np.searchsorted(gaps - np.arange(gaps.size), worst, side="right"))
-        yield locator.warning(
-            "irregular_sampling",
+        message = (
             f"sample intervals vary by {100 * rms:.2g} % (rms) around {median:.4g} s, the most "
-            f"extreme is {regular[worst]:.4g} s; each sample is used at its logged time",
-            "time_s",
-            worst + before + 1,
+            f"extreme is {regular[worst]:.4g} s; each sample is used at its logged time"
         )
+        sample = worst + before + 1
+        warnings.append(locator.warning("irregular_sampling", message, "time_s", sample))
     if not _FAST_S <= median <= _SLOW_S:
-        yield locator.warning(
-            "suspicious_value",
+        message = (
             f"the sample interval is {median:.4g} s, unusual for a run of a motor; "
-            "check the unit of the time",
-            "time_s",
+            "check the unit of the time"
         )
+        warnings.append(locator.warning("suspicious_value", message, "time_s"))
+    return tuple(zip(edges[:-1], edges[1:], strict=True)), warnings

@@ -45,8 +45,6 @@ CHANNEL_QUANTITIES = {
 FACTOR_QUANTITIES = {"duty": "duty", "bus_voltage_V": "bus voltage"}
 """Columns whose product is the voltage where no motor voltage is logged."""
 
-_FACTOR_UNITS = {"duty": "ratio", "bus_voltage_V": "V"}
-
 
 @dataclass(frozen=True)
 class Unit:
@@ -142,7 +140,8 @@ def unit_in_another_case(text: str) -> Unit | None:
 
 def canonical_unit(channel: str) -> Unit:
     """SI unit of a channel of `CHANNEL_UNITS`, or of a factor of the voltage."""
-    return _EXACT[normalise_unit((CHANNEL_UNITS | _FACTOR_UNITS)[channel])]
+    units = CHANNEL_UNITS | {"duty": "ratio", "bus_voltage_V": "V"}
+    return _EXACT[normalise_unit(units[channel])]
 
 
 def accepted_spellings(quantity: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from identification.ingest.text.clock import ClockTimes
+from identification.ingest.text.cells import ClockTimes
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification import errors
 from identification.ingest import Run, RunFile, read_run
-from identification.ingest.formats.clocks import Clock, Signal, SignalTable
+from identification.ingest.formats.clocks import Signal, SignalTable
 
 Array = NDArray[np.float64]
 
@@ -45,9 +45,7 @@ class Reader:
     def open(self, file: RunFile) -> SignalTable:
         """Return the signals, each with a clock of its own."""
         signals = [
-            Signal(
-                (name,), UNITS[name], Clock(partial(np.asarray, time)), partial(np.asarray, values)
-            )
+            Signal((name,), UNITS[name], partial(np.asarray, time), partial(np.asarray, values))
             for name, (time, values) in self._signals.items()
         ]
         return SignalTable(signals, file.name)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identification.errors import RunFileError
 from identification.ingest import Run, read_run, write_run
 from identification.ingest.names import NAMES
-from identification.ingest.text import table
+from identification.ingest.text import samples
 from identification.ingest.text.fast import read_clean
 from identification.ingest.units import CHANNEL_QUANTITIES, UNITS, Unit
 from tests.ingest.samples import Dialect, channels, record, write
@@ -190,7 +190,7 @@ def test_fast_and_slow_reader_agree_on_damaged_files(content: bytes) -> None:
     outcomes = []
     for fast in (read_clean, lambda *_: None):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(table, "read_clean", fast)
+            patch.setattr(samples, "read_clean", fast)
             outcome = run_or_error(content)
         if isinstance(outcome, RunFileError):
             outcomes.append(str(outcome))

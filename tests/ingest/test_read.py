@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from identification.errors import AmbiguousUnit, MissingColumn, NotANumber, NotFinite, WrongUnit
 from identification.ingest import file, read_run
-from identification.ingest.text import table
-from identification.ingest.text.cell_reader import CellReader
+from identification.ingest.text import samples
 from tests.ingest.samples import CANONICAL, Dialect, channels, record, renamed, with_cell, write
 
 Array = NDArray[np.float64]
@@ -191,7 +190,7 @@ def test_clean_file_is_read_by_the_fast_reader(
         """Fail the test."""
         pytest.fail("the slow way was taken")
 
-    monkeypatch.setattr(CellReader, "read", slow)
+    monkeypatch.setattr(samples.SampleReader, "read", slow)
     for dialect in (Dialect(), Dialect("\t", ","), Dialect(" "), Dialect(";", trailing=True)):
         path.write_bytes(write(record(), dialect))
 
@@ -207,7 +206,7 @@ def test_slow_reader_reads_the_same_numbers_as_the_fast_one(
         path.write_bytes(content)
         fast = channels(read_run(path))
         with monkeypatch.context() as patch:
-            patch.setattr(table, "read_clean", lambda *_: None)
+            patch.setattr(samples, "read_clean", lambda *_: None)
             slow = channels(read_run(path))
 
         assert all(np.array_equal(fast[name], slow[name]) for name in CANONICAL)

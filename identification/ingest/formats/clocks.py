@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,23 +26,11 @@ from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
 from identification.ingest.timing import find_gaps
 
-__all__ = ["Clock", "Signal", "SignalTable", "join"]
+__all__ = ["Signal", "SignalTable", "joined"]
 
 _RATE_RATIO = 1.5
 _MEASURED = ("voltage_V", "current_A", "speed_rad_s")
 _HELD = ("voltage_V", "duty", "bus_voltage_V")
-
-
-class Clock:
-    """Sample times shared by some signals; `load` returns them, (n_sample,) [s]."""
-
-    def __init__(self, load: Callable[[], Array]) -> None:
-        self._load = load
-
-    @cached_property
-    def time(self) -> Array:
-        """Sample times (n_sample,) [s]."""
-        return np.asarray(self._load(), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -53,8 +41,8 @@ class Signal:
     """Its names; the first is its title."""
     unit: str
     """Its unit as the file gives it; empty if there is none."""
-    clock: Clock
-    """Its sample times."""
+    clock: Callable[[], Array]
+    """Function that returns its sample times, (n_sample,) [s]."""
     load: Callable[[], ArrayLike]
     """Function that returns its samples, (n_sample,)."""
 
@@ -69,16 +57,17 @@ class SignalTable:
     """Name of the file in messages."""
     warnings: tuple[RunWarning, ...] = ()
     """Warnings about the file as a whole."""
-    columns: Sequence[Column] = field(init=False)
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def columns(self) -> Sequence[Column]:
+        """The common time, then the signals."""
         columns = [describe_column(0, ["time"], ["s"])]
         for index, signal in enumerate(self.signals, start=1):
             # A name with its group, as in "fast/speed", serves a mapping and is not parsed.
             column = describe_column(index, signal.names[-1:], [signal.unit])
             texts = tuple(dict.fromkeys(signal.names))
             columns.append(dataclasses.replace(column, texts=texts))
-        object.__setattr__(self, "columns", columns)
+        return columns
 
     def read(self, channels: Sequence[Channel]) -> Samples:
         """Bring the channels to one clock.
@@ -88,18 +77,25 @@ class SignalTable:
             NoRows: The channels have no time in common.
         """
         used = {c.name: c for c in channels if c.column.index > 0}
-        clocks = {name: self.signals[c.column.index - 1].clock.time for name, c in used.items()}
-        cells = {
-            name: numbers(self.signals[channel.column.index - 1].load(), channel.column)
-            for name, channel in used.items()
-        }
+        signals = {name: self.signals[c.column.index - 1] for name, c in used.items()}
+        clocks = {name: signal.clock() for name, signal in signals.items()}
+        cells = {name: numbers(signals[name].load(), c.column) for name, c in used.items()}
         _check_lengths(used, cells, clocks)
         base = _base(clocks)
         time = clocks[base]
         others = {n: t for n, t in clocks.items() if not np.array_equal(t, time, equal_nan=True)}
         kept = np.ones(time.size, dtype=bool)
         for name, clock in others.items():
-            _check_increase(used[name], clock)
+            wrong = np.flatnonzero(~(np.diff(clock) > 0.0))
+            if wrong.size:
+                row = int(wrong[0]) + 1
+                raise BackwardTime(
+                    f"the time of the channel goes from {clock[row - 1]:.9g} s to "
+                    f"{clock[row]:.9g} s; expected increasing times",
+                    row=row + 1,
+                    column=used[name].column.label,
+                    value=float(clock[row]),
+                )
             if not used[name].may_be_blank:
                 kept &= _covered(time, clock)
         rows = np.flatnonzero(kept)
@@ -112,7 +108,7 @@ class SignalTable:
         methods = {}
         for name in used:
             if name in others:
-                methods[name] = _method(name)
+                methods[name] = "hold" if name in _HELD else "linear"
                 cells[name] = _brought(cells[name], others[name], common, used[name])
             else:
                 cells[name] = cells[name][rows]
@@ -145,17 +141,20 @@ class SignalTable:
         yield RunWarning(code="different_clocks", message=text, file=self.file)
 
 
-def join(groups: Mapping[str, Sequence[Signal]]) -> list[Signal]:
-    """Signals of all groups; a name that occurs several times gets its group in front."""
+def joined(
+    groups: Mapping[str, Sequence[Signal]], file: str, warnings: tuple[RunWarning, ...] = ()
+) -> SignalTable | None:
+    """Table of several groups; a name that occurs several times gets its group in front."""
     names = [signal.names[-1] for signals in groups.values() for signal in signals]
     repeated = {name for name in names if names.count(name) > 1} if len(names) < 10_000 else set()
-    return [
+    every = [
         dataclasses.replace(signal, names=(f"{group}/{signal.names[-1]}", *signal.names))
         if signal.names[-1] in repeated
         else signal
         for group, signals in groups.items()
         for signal in signals
     ]
+    return SignalTable(every, file, warnings) if len(groups) > 1 else None
 
 
 def _base(clocks: Mapping[str, Array]) -> str:
@@ -185,19 +184,6 @@ def _check_lengths(
             raise NoRows("the channel has no samples", column=channel.column.label)
 
 
-def _check_increase(channel: Channel, clock: Array) -> None:
-    wrong = np.flatnonzero(~(np.diff(clock) > 0.0))
-    if wrong.size:
-        row = int(wrong[0]) + 1
-        raise BackwardTime(
-            f"the time of the channel goes from {clock[row - 1]:.9g} s to {clock[row]:.9g} s; "
-            "expected increasing times",
-            row=row + 1,
-            column=channel.column.label,
-            value=float(clock[row]),
-        )
-
-
 def _covered(time: Array, clock: Array) -> NDArray[np.bool_]:
     """Mark the times inside the range of a clock and outside its gaps."""
     inside: NDArray[np.bool_] = (time >= clock[0]) & (time <= clock[-1])
@@ -206,13 +192,9 @@ def _covered(time: Array, clock: Array) -> NDArray[np.bool_]:
     return inside
 
 
-def _method(name: str) -> str:
-    return "hold" if name in _HELD else "linear"
-
-
 def _brought(cells: Array, clock: Array, time: Array, channel: Channel) -> Array:
     """Samples of a channel at the times of another clock."""
-    if _method(channel.name) == "hold":
+    if channel.name in _HELD:
         return cells[np.searchsorted(clock, time, side="right") - 1]
     blank = np.isnan(cells)
     if channel.may_be_blank and np.any(blank) and not np.all(blank):

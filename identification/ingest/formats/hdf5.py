@@ -6,6 +6,7 @@ outside of the file is read: external links, external storage and virtual datase
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,7 +20,7 @@ from identification.errors import FileTooLarge, UnsupportedContent
 from identification.ingest.display import plain, quoted
 from identification.ingest.file import RunFile
 from identification.ingest.formats.library import decoding, imported
-from identification.ingest.formats.matlab_objects import decoded, has_objects
+from identification.ingest.formats.matlab import decoded, has_objects, text_of
 from identification.ingest.formats.tree import Leaf, Node, Opaque, tables_of
 from identification.ingest.reader import TableSet
 
@@ -62,10 +63,11 @@ class Hdf5Reader:
             stream = file.seekable()
             check_heaps(stream)
             opened = library.File(stream, "r")
-            root, notes = _Tree(opened).root(), ""
+            notes = ""
+            root: Mapping[str, Node] = dict(_Tree(opened).members(opened))
             objects = [name for name, node in root.items() if has_objects(node)]
             if objects:
-                _Tree(opened, file.limits.bytes).root()
+                dict(_Tree(opened, file.limits.bytes).members(opened))
                 root, notes = decoded(root, stream, objects)
         is_matlab = file.head.startswith(_MATLAB) or objects
         return tables_of(root, file, "variable" if is_matlab else "group", notes)
@@ -79,14 +81,11 @@ def check_heaps(stream: BinaryIO) -> None:
     Raises:
         ValueError: A heap is damaged.
     """
-    found, position, tail = [], 0, b""
+    found, tail = [], b""
     while chunk := stream.read(_CHUNK_BYTES):
-        window, start = tail + chunk, position - len(tail)
-        at = window.find(_HEAP)
-        while at >= 0:
-            found.append(start + at)
-            at = window.find(_HEAP, at + 1)
-        position += len(chunk)
+        window = tail + chunk
+        start = stream.tell() - len(window)
+        found += [start + match.start() for match in re.finditer(re.escape(_HEAP), window)]
         tail = window[1 - len(_HEAP) :]
     for place in found:
         stream.seek(place)
@@ -115,19 +114,15 @@ class _Tree:
     nodes: int = 0
     open_groups: set[int] = field(default_factory=set)
 
-    def root(self) -> Mapping[str, Node]:
-        """All groups of the file."""
-        return dict(self._members(self.opened))
-
-    def _members(self, group: h5py.Group) -> Iterator[tuple[str, Node]]:
+    def members(self, group: h5py.Group) -> Iterator[tuple[str, Node]]:
+        """Nodes of a group by name."""
         import h5py
 
         for name in group:
             link = group.get(name, getlink=True)
             if isinstance(link, h5py.ExternalLink):
-                raise _outside(
-                    f"{group.name}/{name}", f"a link to the file {quoted(link.filename)}"
-                )
+                target = f"a link to the file {quoted(link.filename)}"
+                raise _outside(f"{group.name}/{name}", target)
             # The target of a soft link has a place of its own; MATLAB hides its objects behind #.
             is_hidden = name.startswith("#") and self.most_bytes is None
             if isinstance(link, h5py.HardLink) and not is_hidden:
@@ -143,7 +138,7 @@ class _Tree:
                 value=self.nodes,
             )
         if "MATLAB_object_decode" in item.attrs and self.most_bytes is None:
-            return Opaque(plain(_text(item.attrs.get("MATLAB_class", ""))))
+            return Opaque(plain(text_of(item.attrs.get("MATLAB_class", ""))))
         if isinstance(item, h5py.Group):
             return self._group(item)
         if isinstance(item, h5py.Dataset) and "MATLAB_empty" not in item.attrs:
@@ -158,7 +153,7 @@ class _Tree:
             # A group that contains itself.
             return ""
         self.open_groups.add(address)
-        found = dict(self._members(group))
+        found = dict(self.members(group))
         self.open_groups.discard(address)
         lists = [child for child in found.values() if isinstance(child, list)]
         if lists and len(lists) == len(found) and len({len(one) for one in lists}) == 1:
@@ -184,7 +179,7 @@ class _Tree:
             if dataset.size > _MOST_NODES:
                 return ""
             return [self._node(self.opened[r]) for r in np.ravel(dataset[()]) if r]
-        if _text(dataset.attrs.get("MATLAB_class", "")) == "char" or dataset.dtype.kind in "SO":
+        if text_of(dataset.attrs.get("MATLAB_class", "")) == "char" or dataset.dtype.kind in "SO":
             return _string(dataset)
         if dataset.dtype.names:
             return {name: _leaf(dataset, name) for name in dataset.dtype.names}
@@ -192,13 +187,13 @@ class _Tree:
             return ""
         names = next((dataset.attrs[k] for k in _COLUMN_NAMES if k in dataset.attrs), None)
         if dataset.ndim == 2 and names is not None and len(names) == dataset.shape[1]:
-            return {_text(name): _leaf(dataset, k) for k, name in enumerate(names)}
+            return {text_of(name): _leaf(dataset, k) for k, name in enumerate(names)}
         return _leaf(dataset)
 
 
 def _leaf(dataset: h5py.Dataset, part: str | int | None = None) -> Leaf:
     """A dataset, one field of a compound one, or one column of a matrix."""
-    unit = next((_text(dataset.attrs[k]) for k in ("unit", "units") if k in dataset.attrs), "")
+    unit = next((text_of(dataset.attrs[k]) for k in ("unit", "units") if k in dataset.attrs), "")
     # netCDF: "seconds since 2026-03-01".
     unit = unit.partition(" since ")[0]
     shape = dataset.shape if part is None else dataset.shape[:1]
@@ -223,12 +218,8 @@ def _string(dataset: h5py.Dataset) -> str:
         return ""
     cells = np.ravel(dataset[()])
     if dataset.dtype.kind in "SO":
-        return _text(cells[0])
+        return text_of(cells[0])
     return "".join(chr(code) for code in cells.tolist())
-
-
-def _text(value: object) -> str:
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
 def _outside(name: str, what: str) -> UnsupportedContent:

@@ -1,27 +1,34 @@
 """Reader of MATLAB files of versions 4 and 5 (-v4, -v6, -v7), with scipy; version 7.3 is HDF5.
 
-A file with objects, such as timetables, is read again with mat-io.
+A file with objects (tables, timetables, timeseries, logs of Simulink) is read again with mat-io.
+MATLAB stores the properties of objects in an undocumented part of the file, which mat-io decodes.
+Tables and timetables become structs of vectors with units, and the properties of a timeseries the
+struct with ``Time`` and ``Data`` that `tree` knows.  A timeseries may store its times as start and
+increment.  Any other object remains opaque, and the error names the commands that save its data.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import io
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import BinaryIO, Final
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
-from identification.errors import FileTooLarge
+from identification.errors import DamagedFile, FileTooLarge
 from identification.ingest.display import plain
 from identification.ingest.file import RunFile
 from identification.ingest.formats.library import decoding, imported
-from identification.ingest.formats.matlab_objects import decoded, has_objects
 from identification.ingest.formats.tree import Leaf, Node, Opaque, tables_of
 from identification.ingest.reader import TableSet
 
-__all__ = ["MatlabReader"]
+__all__ = ["MatlabReader", "decoded", "has_objects", "node_of", "text_of"]
 
 _WHAT: Final = "a MATLAB file"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -33,6 +40,12 @@ _ORDERS = {b"IM": "<II", b"MI": ">II"}
 # Head of a variable of version 4: MOPT, rows, columns, imaginary flag, length of the name.
 _HEADS_4 = (struct.Struct("<5i"), struct.Struct(">5i"))
 _LONGEST_NAME = 64
+
+_OBJECTS: Final = "a MATLAB file with objects"
+_LIBRARY: Final = "matio"
+_DEEPEST = 20
+_METADATA = ("tsdata.timemetadata", "tsdata.datametadata")
+_TIME_UNITS = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0}
 
 
 class MatlabReader:
@@ -61,12 +74,14 @@ class MatlabReader:
                     value=size,
                 )
             stream.seek(0)
-            content = library.loadmat(stream, simplify_cells=True)
-        root: dict[str, Node] = {
-            _name(name, value): _node(value)
-            for name, value in content.items()
-            if not name.startswith("__")
-        }
+            content = library.loadmat(stream, squeeze_me=True)
+        root: dict[str, Node] = {}
+        for name, value in content.items():
+            if isinstance(value, library.matlab.MatlabOpaque):
+                # scipy keeps the name of an object in the field s0 of its record.
+                root[plain(text_of(value["s0"].ravel()[0]))] = node_of(value)
+            elif not name.startswith("__"):
+                root[name] = node_of(value)
         tree, notes = decoded(root, stream) if has_objects(root) else (root, "")
         return tables_of(tree, file, "variable", notes)
 
@@ -123,33 +138,163 @@ def _declared_bytes(stream: BinaryIO) -> int:
     return total
 
 
-def _name(name: str, value: object) -> str:
-    """Name of a variable; scipy keeps that of an opaque object in the field s0 of its record."""
-    if isinstance(value, np.ndarray) and "s0" in (value.dtype.names or ()):
-        return plain(_text(value["s0"].ravel()[0]))
-    return name
+def has_objects(node: Node) -> bool:
+    """Whether a node or one below it is an object."""
+    if isinstance(node, Mapping):
+        return any(map(has_objects, node.values()))
+    return any(map(has_objects, node)) if isinstance(node, list) else isinstance(node, Opaque)
 
 
-def _node(value: object) -> Node:
-    """One variable or field as a node of a tree."""
-    if isinstance(value, Mapping):
-        return {str(name): _node(child) for name, child in value.items()}
-    if isinstance(value, list):
-        return [_node(child) for child in value]
-    if isinstance(value, str):
-        return value
-    cells = np.asarray(value)
-    names = cells.dtype.names or ()
-    if "s2" in names:
-        # scipy returns an opaque object as a record whose field s2 is the name of the class.
-        return Opaque(plain(_text(cells["s2"].ravel()[0])))
-    if cells.dtype.kind == "O":
-        # A sparse matrix and a function handle have no dimensions here, and are no channels.
-        return [_node(child) for child in cells.ravel().tolist()] if cells.ndim else ""
-    if cells.dtype.kind not in "biuf":
+def decoded(
+    root: Mapping[str, Node], stream: BinaryIO, names: Sequence[str] | None = None
+) -> tuple[Mapping[str, Node], str]:
+    """Decode the named or all objects of an open file; the text says why, if they are not decoded.
+
+    mat-io opens the file again by its name.
+    """
+    if importlib.util.find_spec(_LIBRARY) is None:
+        return root, (
+            "; tables, timetables and logs are read with the library mat-io: "
+            "pip install 'motorid[formats]'"
+        )
+    if not isinstance(stream, io.BufferedReader):
+        return root, "; tables, timetables and logs are not read from compressed files: unpack it"
+    try:
+        found = _objects(stream.name, names)
+        # Without its properties, mat-io returns an object as the scalar that refers to them.
+        kept = {k: node for k, node in found.items() if not isinstance(node, Leaf) or node.length}
+        return {**root, **kept}, ""
+    except DamagedFile:
+        return root, "; the library mat-io cannot decode these objects"
+
+
+def _objects(path: str, names: Sequence[str] | None) -> Mapping[str, Node]:
+    library = imported(_LIBRARY, _OBJECTS)
+    faults = imported("matio.utils.matclass", _OBJECTS)
+    with decoding(_OBJECTS, (faults.MatReadError, faults.MatConvertError)):
+        content = library.load_from_mat(
+            path, variable_names=None if names is None else list(names), add_table_attrs=True
+        )
+        return {
+            plain(str(name)): node_of(value)
+            for name, value in content.items()
+            if not str(name).startswith("__")
+        }
+
+
+def node_of(value: object, depth: int = 0) -> Node:
+    """One variable, field or property as a node of a tree."""
+    from scipy.io.matlab import MatlabFunction, MatlabOpaque
+
+    if depth > _DEEPEST:
         return ""
-    return Leaf(cells.shape, partial(np.asarray, cells))
+    if isinstance(value, pd.DataFrame):
+        return _table(value)
+    if isinstance(value, MatlabOpaque):
+        # scipy does not decode an object; the field s2 of its record is the name of the class.
+        return Opaque(plain(text_of(value["s2"].ravel()[0])))
+    if not isinstance(value, np.ndarray) or isinstance(value, MatlabFunction):
+        kind, properties = (getattr(value, name, None) for name in ("classname", "properties"))
+        if kind is None:
+            return value if isinstance(value, str) else ""
+        found = _object(str(kind), properties, depth) if isinstance(properties, Mapping) else ""
+        return found or Opaque(plain(str(kind)))
+    if value.dtype.names or value.dtype.kind == "O":
+        nodes: list[Node] = [
+            {str(name): node_of(item[name], depth + 1) for name in value.dtype.names}
+            if value.dtype.names
+            else node_of(item, depth + 1)
+            for item in value.ravel()
+        ]
+        return nodes[0] if len(nodes) == 1 else nodes
+    if value.dtype.kind in "UT":
+        return str(value.ravel()[0]) if value.size == 1 else ""
+    return _leaf(value) if value.dtype.kind in "biufmM" else ""
 
 
-def _text(value: object) -> str:
+def text_of(value: object) -> str:
+    """Text that a library may return as bytes."""
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def _leaf(cells: NDArray[np.generic], unit: str = "") -> Leaf:
+    # Dates and durations become seconds when they are read.
+    return Leaf(cells.shape, partial(np.asarray, cells), "s" if cells.dtype.kind in "mM" else unit)
+
+
+def _table(table: pd.DataFrame) -> Node:
+    """Columns of a table, and the times of the rows of a timetable."""
+    units = table.attrs.get("varUnits") or table.attrs.get("VariableUnits") or []
+    # A matrix as a variable becomes several columns, and the units no longer belong to them.
+    known = map(str, units) if len(units) == table.shape[1] else [""] * table.shape[1]
+    found: dict[str, Node] = {}
+    if table.index.dtype.kind in "mM":
+        name = "Time" if table.index.name is None else str(table.index.name)
+        found[name] = _leaf(table.index.to_numpy())
+    for (column, values), unit in zip(table.items(), known, strict=True):
+        cells = np.asarray(values)
+        if cells.dtype.kind in "biufmM":
+            found[str(column)] = _leaf(cells, unit)
+    return found
+
+
+def _object(kind: str, properties: Mapping[object, object], depth: int) -> Node:
+    """Signals or tables in the properties of an object; "" if there are none."""
+    nodes: dict[str, Node] = {}
+    for name, value in properties.items():
+        # A stored property ends with an underscore; that without one is then empty.
+        key, node = str(name).rstrip("_"), node_of(value, depth + 1)
+        if key not in nodes or _has_samples(node):
+            nodes[key] = node
+    if kind in _METADATA:
+        return nodes
+    if kind == "Simulink.SimulationData.Unit":
+        return nodes.get("Name", "")
+    if kind == "timeseries":
+        return _timeseries(nodes)
+    if "Values" in nodes:
+        # The signal of a log has the name that the log gives.
+        values, name = nodes["Values"], nodes.get("Name", "")
+        has_name = isinstance(name, str) and name.strip()
+        if isinstance(values, Mapping) and "Data" in values and has_name:
+            return {**values, "Name": name}
+        return values if _has_samples(values) else ""
+    # Vectors that are properties of an unknown class may be anything.
+    inner = [node for node in nodes.values() if isinstance(node, (Mapping, list))]
+    return nodes if any(map(_has_samples, inner)) else ""
+
+
+def _timeseries(nodes: Mapping[str, Node]) -> Node:
+    """Struct with the times and samples of a timeseries, or "" if they are not understood."""
+    data, time, about = (nodes.get(key) for key in ("Data", "Time", "TimeInfo"))
+    if not isinstance(data, Leaf) or not data.length or not isinstance(about, Mapping):
+        return ""
+    unit = about.get("Units")
+    factor = _TIME_UNITS.get(unit) if isinstance(unit, str) else None
+    if factor is None:
+        return ""
+    if not isinstance(time, Leaf) or not time.length:
+        start, step, count = (_scalar(about.get(k)) for k in ("Start", "Increment", "Length"))
+        if start is None or step is None or not step > 0.0 or count != data.length:
+            return ""
+        seconds = (start + np.arange(data.length) * step) * factor
+    else:
+        seconds = np.asarray(time.vector(), dtype=np.float64) * factor
+    if seconds.size != data.length:
+        return ""
+    kept = {key: nodes[key] for key in ("Name", "DataInfo") if key in nodes}
+    return {**kept, "Time": _leaf(seconds), "Data": data}
+
+
+def _has_samples(node: Node) -> bool:
+    if isinstance(node, Leaf):
+        return node.length > 0
+    if isinstance(node, Mapping):
+        return any(map(_has_samples, node.values()))
+    return isinstance(node, list) and any(map(_has_samples, node))
+
+
+def _scalar(node: Node | None) -> float | None:
+    if isinstance(node, Leaf) and int(np.prod(node.shape)) == 1:
+        return float(np.asarray(node.load(), dtype=np.float64).ravel()[0])
+    return None

@@ -9,8 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike
 from identification.arrays import Array
 from identification.ingest.file import RunFile
 from identification.ingest.formats.cells import refuse_large
-from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
+from identification.ingest.formats.clocks import Signal, SignalTable, joined
 from identification.ingest.formats.library import decoding, imported
 from identification.ingest.reader import SourceTable, TableSet
 
@@ -54,15 +53,14 @@ class MdfReader:
                 refuse_large(file.limits, group.channel_group.cycles_nr, len(group.channels))
                 name = _name(opened, index)
                 groups[name if name not in groups else f"{name} {index + 1}"] = [
-                    _signal(_Channel(opened, index, k, channel.name))
+                    _signal(opened, index, k, channel.name)
                     for k, channel in enumerate(group.channels)
                     if k != opened.masters_db[index]
                 ]
         tables: dict[str, SourceTable] = {
             name: SignalTable(signals, file.name) for name, signals in groups.items()
         }
-        joined = SignalTable(join(groups), file.name) if len(groups) > 1 else None
-        return TableSet("channel group", tables, joined)
+        return TableSet("channel group", tables, joined(groups, file.name))
 
 
 @contextmanager
@@ -82,32 +80,26 @@ def _temporary_data_in_memory() -> Iterator[None]:
             vars(module)[_TEMPORARY] = file
 
 
-@dataclass(frozen=True)
-class _Channel:
-    """One channel of an open file, with the indices of its group and of itself."""
+def _signal(opened: MDF, group: int, index: int, name: str) -> Signal:
+    """One channel of an open file; its physical unit may stand with the conversion."""
 
-    opened: MDF
-    group: int
-    index: int
-    name: str
-
-    @cached_property
-    def unit(self) -> str:
-        """Unit of the physical values, which MDF 3 keeps with the conversion."""
-        return str(self.opened.get_channel_unit(group=self.group, index=self.index) or "")
-
-    @cached_property
-    def samples(self) -> tuple[Array, ArrayLike]:
+    @cache
+    def samples() -> tuple[Array, ArrayLike]:
         """Times [s] and physical values of the valid samples."""
         with decoding(_WHAT):
-            for index in (self.opened.masters_db[self.group], self.index):
-                _check_bounds(self.opened, self.group, index)
-            read = self.opened.get(group=self.group, index=self.index)
+            for one in (opened.masters_db[group], index):
+                _check_bounds(opened, group, one)
+            read = opened.get(group=group, index=index)
             times = np.asarray(read.timestamps, dtype=np.float64)
             if read.invalidation_bits is None:
                 return times, read.samples
             valid = ~np.asarray(read.invalidation_bits, dtype=bool)
             return times[valid], read.samples[valid]
+
+    # Loggers append the device: "n_mot\\XCP:1".
+    names = (name, name.partition("\\")[0])
+    unit = str(opened.get_channel_unit(group=group, index=index) or "")
+    return Signal(names, unit, lambda: samples()[0], lambda: samples()[1])
 
 
 def _check_bounds(opened: MDF, group: int, index: int) -> None:
@@ -121,17 +113,6 @@ def _check_bounds(opened: MDF, group: int, index: int) -> None:
     end = channel.byte_offset + -(-(channel.bit_offset + channel.bit_count) // 8)
     if end > record.samples_byte_nr:
         raise ValueError(f"a channel ends at byte {end} of a record of {record.samples_byte_nr}")
-
-
-def _signal(channel: _Channel) -> Signal:
-    # Loggers append the device: "n_mot\\XCP:1".
-    short = channel.name.partition("\\")[0]
-    return Signal(
-        (channel.name, short),
-        channel.unit,
-        Clock(lambda: channel.samples[0]),
-        lambda: channel.samples[1],
-    )
 
 
 def _is_time(opened: MDF, index: int) -> bool:

@@ -6,9 +6,10 @@ the property ``unit_string``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import plain, quoted
 from identification.ingest.file import RunFile
 from identification.ingest.formats.cells import ColumnTable, numbers, refuse_large
-from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
+from identification.ingest.formats.clocks import Signal, SignalTable, joined
 from identification.ingest.formats.library import decoding, imported
 from identification.ingest.reader import SourceTable, TableSet
 from identification.ingest.run import RunWarning
@@ -58,8 +59,17 @@ class TdmsReader:
         with decoding(_WHAT):
             opened = library.TdmsFile.open(file.seekable())
             warnings = _warnings(file, opened.file_status.incomplete_final_segment)
-            every = {g.name: [c for c in g.channels() if _has_numbers(c)] for g in opened.groups()}
-            origin = _origin(channel for channels in every.values() for channel in channels)
+            every = {
+                g.name: [c for c in g.channels() if len(c) > 0 and c.dtype.kind in "biufM"]
+                for g in opened.groups()
+            }
+            starts = [
+                channel.properties.get("wf_start_time")
+                for channel in itertools.chain(*every.values())
+                if _is_waveform(channel)
+            ]
+            # The earliest start of all waveforms, if each of them has a date.
+            origin = min(starts) if starts and all(s is not None for s in starts) else None
             for name, channels in every.items():
                 if not channels:
                     continue
@@ -75,13 +85,8 @@ class TdmsReader:
                     else SignalTable(signals[name], file.name, warnings)
                 )
         clocked = {name: found for name, found in signals.items() if found}
-        joined = SignalTable(join(clocked), file.name, warnings) if len(clocked) > 1 else None
         notes = "".join(f"; {warning.message}" for warning in warnings)
-        return TableSet("group", tables, joined, notes)
-
-
-def _has_numbers(channel: TdmsChannel) -> bool:
-    return len(channel) > 0 and channel.dtype.kind in "biufM"
+        return TableSet("group", tables, joined(clocked, file.name, warnings), notes)
 
 
 def _warnings(file: RunFile, is_incomplete: bool) -> tuple[RunWarning, ...]:
@@ -101,12 +106,6 @@ def _refuse_scaling(channel: str, properties: Mapping[str, object]) -> None:
                 column=plain(channel),
                 value=value,
             )
-
-
-def _origin(channels: Iterable[TdmsChannel]) -> np.datetime64 | None:
-    """Earliest start of all waveforms, or None if one of them has no date."""
-    starts = [c.properties.get("wf_start_time") for c in channels if _is_waveform(c)]
-    return min(starts) if starts and all(start is not None for start in starts) else None
 
 
 def _is_waveform(channel: TdmsChannel) -> bool:
@@ -145,12 +144,12 @@ class _Group:
         """Signals of the group, none if their clock is not known."""
         if self.time is None and not all(map(_is_waveform, self.channels)):
             return []
-        common = None if self.time is None else Clock(partial(self._logged_time, self.time))
+        common = self.time and cache(partial(self._logged_time, self.time))
         return [
             Signal(
                 (self.channels[column.index].name,),
                 next(iter(column.unit_texts), ""),
-                common or Clock(partial(self._implied_time, self.channels[column.index])),
+                common or partial(self._implied_time, self.channels[column.index]),
                 partial(self.load, column),
             )
             for column in self.columns
@@ -158,8 +157,7 @@ class _Group:
         ]
 
     def _logged_time(self, column: Column) -> Array:
-        unit = column.unit
-        factor = 1.0 if unit is None else unit.factor
+        factor = column.unit.factor if column.unit else 1.0
         return numbers(self.load(column), column) * factor
 
     def _implied_time(self, channel: TdmsChannel) -> Array:
@@ -168,8 +166,7 @@ class _Group:
         if self.origin is not None:
             since = np.timedelta64(properties["wf_start_time"] - self.origin, "ns")
             begin += int(since.astype(np.int64)) / 1e9
-        steps = np.arange(len(channel), dtype=np.float64)
-        return np.asarray(begin + steps * float(properties[_STEP]), dtype=np.float64)
+        return begin + np.arange(len(channel), dtype=np.float64) * float(properties[_STEP])
 
 
 def _units(channel: TdmsChannel) -> list[str]:

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.arrays import Array
 from identification.errors import FileTooLarge
-from identification.ingest.columns import Column, describe_column
+from identification.ingest.columns import describe_column
 from identification.ingest.file import RunFile
 from identification.ingest.formats.cells import ColumnTable, numbers, refuse_large
-from identification.ingest.formats.clocks import Clock, Signal, SignalTable, join
+from identification.ingest.formats.clocks import Signal, SignalTable, joined
 from identification.ingest.reader import SourceTable, TableSet
 
 __all__ = ["Leaf", "Node", "Opaque", "tables_of"]
@@ -68,6 +67,10 @@ class Leaf:
         """Cells of a vector in one dimension."""
         return np.ravel(np.asarray(self.load()))
 
+    def column(self, index: int) -> NDArray[np.generic]:
+        """Cells of one column of a matrix."""
+        return np.asarray(self.load())[:, index]
+
 
 @dataclass(frozen=True)
 class Opaque:
@@ -91,13 +94,9 @@ def tables_of(root: Mapping[str, Node], file: RunFile, kind: str, notes: str = "
     walk.visit("", root, 0)
     tables: dict[str, SourceTable] = dict(walk.tables)
     for name, signals in walk.signals.items():
-        tables[name if name not in tables else f"{name} (signals)"] = SignalTable(
-            signals, file.name
-        )
-    joined = None
-    if len(walk.signals) > 1:
-        joined = SignalTable(join(walk.signals), file.name)
-    return TableSet(kind, tables, joined, walk.opaque_note() + notes)
+        shown = name if name not in tables else f"{name} (signals)"
+        tables[shown] = SignalTable(signals, file.name)
+    return TableSet(kind, tables, joined(walk.signals, file.name), walk.opaque_note() + notes)
 
 
 @dataclass
@@ -144,7 +143,9 @@ class _Walk:
             signal = self._signal(named, unit or _unit(node) or data.unit, time, data)
             self.signals.setdefault(group or _TOP, []).append(signal)
             return
-        vectors = {name: leaf for name, leaf in _vectors(node)}
+        vectors = {
+            name: child for name, child in node.items() if isinstance(child, Leaf) and child.length
+        }
         if len(vectors) > 1:
             self.tables[path or _TOP] = self._table(vectors, _units(node))
         for name, child in node.items():
@@ -156,11 +157,7 @@ class _Walk:
             unit = units.get(name)
             text = unit if isinstance(unit, str) else leaf.unit
             columns.append(describe_column(index, [name], [text]))
-
-        def load(column: Column) -> ArrayLike:
-            return self._vector(leaves[column.index])
-
-        return ColumnTable(columns, load)
+        return ColumnTable(columns, lambda column: self._vector(leaves[column.index]))
 
     def _logged(self, time: Leaf, signals: Node) -> Iterator[Signal]:
         """Signals of a "structure with time"; a matrix gives one signal for each column."""
@@ -174,22 +171,18 @@ class _Walk:
                 yield self._signal(name, _unit(entry), time, values)
             elif len(values.shape) == 2 and values.shape[0] == time.length:
                 for k in range(values.shape[1]):
-                    part = partial(_matrix_column, values, k)
-                    leaf = Leaf((time.length,), part)
+                    leaf = Leaf((time.length,), partial(values.column, k))
                     yield self._signal(f"{name}({k + 1})", _unit(entry), time, leaf)
 
     def _signal(self, name: str, unit: str, time: Leaf, data: Leaf) -> Signal:
-        return Signal(
-            (name,), unit, Clock(partial(self._seconds, time)), partial(self._vector, data)
-        )
+        # Simulink counts the times of a log in seconds.
+        column = describe_column(0, ["time"], ["s"])
+        clock = cache(lambda: numbers(self._vector(time), column))
+        return Signal((name,), unit, clock, partial(self._vector, data))
 
     def _vector(self, leaf: Leaf) -> NDArray[np.generic]:
         refuse_large(self.file.limits, leaf.length)
         return leaf.vector()
-
-    def _seconds(self, leaf: Leaf) -> Array:
-        """Times of a log, which Simulink counts in seconds."""
-        return numbers(self._vector(leaf), describe_column(0, ["time"], ["s"]))
 
     def opaque_note(self) -> str:
         """Objects that were left out, and what to save in their place."""
@@ -197,7 +190,10 @@ class _Walk:
             return ""
         listed = ", ".join(f"{path} ({kind})" for path, kind in list(self.opaque.items())[:6])
         commands = dict.fromkeys(
-            _COMMANDS.get(kind, _COMMAND).replace("VAR", _variable(path))
+            # MATLAB writes the path of an object like this if it is one of names.
+            _COMMANDS.get(kind, _COMMAND).replace(
+                "VAR", path if all(map(str.isidentifier, path.split("."))) else "x"
+            )
             for path, kind in self.opaque.items()
         )
         return (
@@ -206,33 +202,15 @@ class _Walk:
         )
 
 
-def _variable(path: str) -> str:
-    """Path of an object as MATLAB writes it, if it is one of names."""
-    names = path.split(".")
-    return path if all(name.isidentifier() for name in names) else "x"
-
-
-def _vectors(node: Mapping[str, Node]) -> Iterator[tuple[str, Leaf]]:
-    for name, child in node.items():
-        if isinstance(child, Leaf) and child.length:
-            yield name, child
+def _unit_fields(node: Mapping[str, Node]) -> list[Node]:
+    return [child for name, child in node.items() if name.casefold() in ("unit", "units")]
 
 
 def _units(node: Mapping[str, Node]) -> Mapping[str, Node]:
     """Field with the unit of each other field."""
-    for name, child in node.items():
-        if name.casefold() in ("unit", "units") and isinstance(child, Mapping):
-            return child
-    return {}
+    return next((child for child in _unit_fields(node) if isinstance(child, Mapping)), {})
 
 
 def _unit(node: Mapping[str, Node]) -> str:
     """Unit of one signal."""
-    for name, child in node.items():
-        if name.casefold() in ("unit", "units") and isinstance(child, str):
-            return child.strip()
-    return ""
-
-
-def _matrix_column(leaf: Leaf, column: int) -> NDArray[np.generic]:
-    return np.asarray(leaf.load())[:, column]
+    return next((child.strip() for child in _unit_fields(node) if isinstance(child, str)), "")

@@ -7,6 +7,7 @@ messages are those of a text file.
 from __future__ import annotations
 
 import datetime
+import itertools
 import zipfile
 from collections.abc import Iterable, Iterator
 from typing import BinaryIO, Final
@@ -26,7 +27,7 @@ _MEMBERS = (b"xl/", b"[Content_Types].xml", b"_rels/", b"mimetypeapplication/vnd
 _OLE = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 # A sheet has at most 1,048,576 rows; eight columns of them take less.
 _LARGEST_XML = 1_000_000_000
-_CHUNK_CHARACTERS = 4_000_000
+_CHUNK_ROWS = 10_000
 
 Cell = str | float | bool | datetime.date | datetime.time | datetime.timedelta
 
@@ -80,18 +81,12 @@ def _refuse_large(file: RunFile, stream: BinaryIO) -> None:
 
 def _text(rows: Iterable[list[Cell]]) -> Iterator[bytes]:
     """Rows as lines of a text table, in chunks; numbers keep every digit."""
-    lines: list[str] = []
-    size = 0
-    for row in rows:
-        line = ";".join(map(_cell, row)) if any(cell != "" for cell in row) else ""
-        lines.append(line + "\n")
-        size += len(line)
-        if size > _CHUNK_CHARACTERS:
-            yield "".join(lines).encode("utf-8", "replace")
-            lines.clear()
-            size = 0
-    if lines:
-        yield "".join(lines).encode("utf-8", "replace")
+    lines = (
+        ";".join(map(_cell, row)) + "\n" if any(cell != "" for cell in row) else "\n"
+        for row in rows
+    )
+    while chunk := "".join(itertools.islice(lines, _CHUNK_ROWS)):
+        yield chunk.encode("utf-8", "replace")
 
 
 def _cell(value: Cell) -> str:

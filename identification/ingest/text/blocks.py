@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from identification.errors import EmptyFile, FileTooLarge, LineTooLong, NotText, RunFileError
 from identification.ingest.file import Limits
 
-__all__ = ["Block", "read_blocks"]
+__all__ = ["Block", "Splitter"]
 
 
 @dataclass(frozen=True)
@@ -55,19 +55,7 @@ _CONTROL = bytes(code for code in range(1, 32) if code not in b"\t\n\v\f\r\x1a")
 _EXPORT = "export it as a text table (CSV, UTF-8)"
 
 
-def read_blocks(chunks: Iterator[bytes], limits: Limits) -> Iterator[Block]:
-    """Split a text into blocks of whole lines, at least one.
-
-    Raises:
-        EmptyFile: The file has no bytes.
-        FileTooLarge: The file exceeds the limit of bytes or rows.
-        LineTooLong: A line exceeds the limit.
-        NotText: The content is binary, in UTF-32, or contains a NUL byte.
-    """
-    return _Splitter(limits).split(chunks)
-
-
-class _Splitter:
+class Splitter:
     """Splitter of chunks of any encoding and line end into blocks of whole lines."""
 
     def __init__(self, limits: Limits) -> None:
@@ -77,7 +65,14 @@ class _Splitter:
         self._decoder: codecs.IncrementalDecoder | None = None
 
     def split(self, chunks: Iterator[bytes]) -> Iterator[Block]:
-        """Split each chunk after its last line end."""
+        """Split each chunk after its last line end; there is at least one block.
+
+        Raises:
+            EmptyFile: The file has no bytes.
+            FileTooLarge: The file exceeds the limit of bytes or rows.
+            LineTooLong: A line exceeds the limit.
+            NotText: The content is binary, in UTF-32, or contains a NUL byte.
+        """
         held = carry = b""
         first = True
         for raw in chunks:
@@ -124,7 +119,13 @@ class _Splitter:
         if b"\r" in text:
             text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         block = Block(text, self._line, terminated)
-        self._refuse_nul(block)
+        at = text.find(b"\0")
+        if at >= 0:
+            raise NotText(
+                "contains a NUL byte, probably because the logger lost power; "
+                "cut the file before this line",
+                row=self._line + text.count(b"\n", 0, at),
+            )
         for start in range(0, len(text) - self._limits.line_bytes, self._limits.line_bytes):
             # A range of this length without a line end lies within a line of at least this length.
             if text.find(b"\n", start, start + self._limits.line_bytes) < 0:
@@ -144,15 +145,6 @@ class _Splitter:
             "expected one sample per line with a few numbers",
             row=line,
         )
-
-    def _refuse_nul(self, block: Block) -> None:
-        at = block.text.find(b"\0")
-        if at >= 0:
-            raise NotText(
-                "contains a NUL byte, probably because the logger lost power; "
-                "cut the file before this line",
-                row=block.first_line + block.text.count(b"\n", 0, at),
-            )
 
 
 def _looks_binary(head: bytes) -> bool:

@@ -1,17 +1,20 @@
-"""Cell parsing: split a line into cells and classify each as number, missing value or text."""
+"""Cell parsing: split a line into cells and read each as number, time, missing value or text."""
 
 from __future__ import annotations
 
 import csv
+import datetime
 import re
 
 from identification.ingest.display import quoted
 
 __all__ = [
+    "ClockTimes",
     "expected_instead",
     "is_clock",
     "is_number",
     "is_number_word",
+    "is_time_of_day",
     "number_text",
     "split_cells",
 ]
@@ -26,6 +29,15 @@ _NOT_FINITE = re.compile(
 _WORDS_AND_QUOTES = re.compile(r'"[^"]*"|\S+')
 _WORDS_WITH_UNITS = re.compile(r'"[^"]*"|[^\s"\[(]\S*(?:[ \t]+[\[(][^\])]{0,40}[\])])?|\S+')
 _CLOCK = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d[\d:.,TZ +-]*|\d{1,2}\.\d{1,2}\.\d{4}[\d:., ]*")
+_TIME = re.compile(
+    r"(?:(?P<date>\d[\d./-]{7,9})[T ] ?)?(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2})"
+    r"(?:[.,:](?P<fraction>\d{1,12}))?(?:Z|(?P<zone>[+-]\d{2}:?\d{2}))?",
+    re.ASCII,
+)
+_YEAR_FIRST = re.compile(r"(?P<y>\d{4})[./-](?P<m>\d{1,2})[./-](?P<d>\d{1,2})", re.ASCII)
+_DAY_FIRST = re.compile(r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})", re.ASCII)
+_SECOND = 1_000_000_000
+_DAY = 86_400 * _SECOND
 
 
 def split_cells(line: str, delimiter: str, *, units_in_brackets: bool = False) -> list[str]:
@@ -85,3 +97,68 @@ def expected_instead(cell: str, unit: str) -> str:
             "and no thousands separators"
         )
     return f"{wrong}; expected a plain number in {unit}; correct the cell or remove its line"
+
+
+def is_time_of_day(cell: str) -> bool:
+    """Return True for a time of day, with or without a date."""
+    return _TIME.fullmatch(cell) is not None
+
+
+class ClockTimes:
+    """Reader of the dates and times of day of one column, in the order of the file.
+
+        08:00:00.125        2026-03-01T08:00:00.125Z        01.03.2026 08:00:00,125
+
+    Times are counted in whole nanoseconds, which a floating point number of seconds since 1970
+    loses.
+    """
+
+    def __init__(self) -> None:
+        self._first: int | None = None
+        self._last = 0
+        self._days = 0
+        self._date = ""
+
+    def seconds(self, cell: str) -> float | None:
+        """Seconds from the first cell to this one [s]; None if the cell is no time of day.
+
+        A time of day without a date that falls by more than twelve hours is that of the next day.
+        A date such as 03/01/2026, whose order is not known, must be the same in all cells.
+        """
+        match = _TIME.fullmatch(cell)
+        if match is None:
+            return None
+        ticks = self._ticks_of_day(match)
+        date = match["date"]
+        if date is None:
+            if ticks + self._days * _DAY < self._last - _DAY // 2:
+                self._days += 1
+            ticks += self._days * _DAY
+            self._last = ticks
+        else:
+            days = self._day(date)
+            if days is None:
+                return None
+            ticks += days * _DAY
+        if self._first is None:
+            self._first = ticks
+        return (ticks - self._first) / _SECOND
+
+    def _ticks_of_day(self, match: re.Match[str]) -> int:
+        """Nanoseconds since midnight, in UTC if the cell gives its zone."""
+        seconds = (int(match["h"]) * 60 + int(match["m"])) * 60 + int(match["s"])
+        zone = (match["zone"] or "+0000").replace(":", "")
+        seconds -= (int(zone[:3]) * 60 + int(zone[0] + zone[3:])) * 60
+        fraction = (match["fraction"] or "")[:9].ljust(9, "0")
+        return seconds * _SECOND + int(fraction)
+
+    def _day(self, date: str) -> int | None:
+        """Number of a day, or 0 for the first date of unknown order and None for another one."""
+        match = _YEAR_FIRST.fullmatch(date) or _DAY_FIRST.fullmatch(date)
+        if match is None:
+            self._date = self._date or date
+            return 0 if date == self._date else None
+        try:
+            return datetime.date(int(match["y"]), int(match["m"]), int(match["d"])).toordinal()
+        except ValueError:
+            return None

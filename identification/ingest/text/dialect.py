@@ -21,8 +21,7 @@ from identification.ingest.file import Limits
 from identification.ingest.names import is_channel_name
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import is_clock, is_number, is_number_word, split_cells
-from identification.ingest.text.header_rows import HeaderRows, Line
-from identification.ingest.text.preamble import Preamble, is_keyed, read_preamble
+from identification.ingest.text.header import HeaderRows, Line, Preamble, is_keyed, read_preamble
 
 __all__ = ["COMMENT_MARKS", "Layout", "detect_layout"]
 
@@ -95,7 +94,12 @@ def _preview(block: Block) -> tuple[list[Line], list[Line], str | None]:
     raw = block.text.split(b"\n", _PREVIEW_LINES)
     if len(raw) > _PREVIEW_LINES or block.terminated:
         raw.pop()
-    texts = _decoded(b"\n".join(raw)).split("\n")
+    content = b"\n".join(raw)
+    try:
+        texts = content.decode("utf-8").split("\n")
+    except UnicodeDecodeError:
+        # Other encodings affect header texts only.
+        texts = content.decode("cp1252", "replace").split("\n")
     lines: list[Line] = []
     comments: list[Line] = []
     forced = None
@@ -112,14 +116,6 @@ def _preview(block: Block) -> tuple[list[Line], list[Line], str | None]:
     return lines, comments, forced
 
 
-def _decoded(text: bytes) -> str:
-    """Decode as UTF-8, else as Windows-1252, which affects header texts only."""
-    try:
-        return text.decode("utf-8")
-    except UnicodeDecodeError:
-        return text.decode("cp1252", "replace")
-
-
 def _joined(texts: list[str], first_line: int) -> list[tuple[int, str]]:
     """Join the lines of a quoted cell that contains line breaks, as spreadsheets write them."""
     joined: list[tuple[int, str]] = []
@@ -127,10 +123,9 @@ def _joined(texts: list[str], first_line: int) -> list[tuple[int, str]]:
     while at < len(texts):
         end = at + 1
         if texts[at].count('"') % 2:
-            for stop in range(at + 2, min(at + 6, len(texts)) + 1):
-                if sum(text.count('"') for text in texts[at:stop]) % 2 == 0:
-                    end = stop
-                    break
+            stops = range(at + 2, min(at + 6, len(texts)) + 1)
+            closed = (stop for stop in stops if "".join(texts[at:stop]).count('"') % 2 == 0)
+            end = next(closed, end)
         joined.append((first_line + at, " ".join(texts[at:end])))
         at = end
     return joined
@@ -156,15 +151,10 @@ def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str
 def _share_of_numbers(cells: list[str]) -> float:
     """Fraction of the filled cells that are numbers; 0 if the line is not a sample."""
     filled = [cell for cell in cells if cell]
-    numbers = sum(1 for c in filled if is_number(c) or is_number_word(c))
-    begins = not cells[:1] or not cells[0] or _begins_a_sample(cells[0])
-    if numbers < 2 or numbers * 2 <= len(filled) or not begins:
-        return 0.0
-    return numbers / len(filled)
-
-
-def _begins_a_sample(cell: str) -> bool:
-    return is_number(cell) or is_number_word(cell) or is_clock(cell)
+    numbers = [cell for cell in filled if is_number(cell) or is_number_word(cell)]
+    begins = not any(cells[:1]) or cells[0] in numbers or is_clock(cells[0])
+    is_sample = begins and len(numbers) >= max(2, len(filled) // 2 + 1)
+    return len(numbers) / len(filled) if is_sample else 0.0
 
 
 def _refuse_unclear_commas(lines: list[Line], delimiter: str, fields: int) -> None:

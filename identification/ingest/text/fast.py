@@ -29,10 +29,9 @@ def read_clean(
     Return (n_sample,) for each channel, NaN at a blank cell; or None if the block fails a check.
     """
     bare = _without_quotes(text, layout.delimiter) if b'"' in text else text
-    count = text.count(b"\n") + (not text.endswith(b"\n"))
     if bare is None:
         return None
-    text = bare
+    text, count = bare, bare.count(b"\n") + (not bare.endswith(b"\n"))
     delimiters = (layout.fields - 1) * count
     if layout.delimiter != " " and text.count(layout.delimiter.encode()) != delimiters:
         return None
@@ -49,7 +48,10 @@ def read_clean(
         columns = _parsed(text, layout, channels, blanks, decimal)
     if columns is None or columns[0].size != count:
         return None
-    return columns if _is_finite(columns, channels) else None
+    for channel, column in zip(channels, columns, strict=True):
+        if np.any(np.isinf(column)) or (not channel.may_be_blank and np.any(np.isnan(column))):
+            return None
+    return columns
 
 
 def _without_quotes(text: bytes, delimiter: str) -> bytes | None:
@@ -117,11 +119,3 @@ def _parsed(
     except ValueError:
         return None
     return [np.asarray(frame[index], dtype=np.float64) for index in used]
-
-
-def _is_finite(columns: list[Array], channels: Sequence[Channel]) -> bool:
-    """Return True if all values are finite, except for blanks where a channel may have them."""
-    return all(
-        not np.any(np.isinf(column)) and (channel.may_be_blank or not np.any(np.isnan(column)))
-        for channel, column in zip(channels, columns, strict=True)
-    )

@@ -1,9 +1,12 @@
-"""Speed as the difference quotient of a logged angle, where no speed is logged.
+"""Speed from a logged angle and voltage from a logged duty cycle, where they are not logged.
+
+The mean terminal voltage of a motor behind a chopper is duty cycle times bus voltage.  The speed is
+the difference quotient of the angle:
 
     w_k = (phi_k - phi_{k-1}) / (t_k - t_{k-1})                         [rad/s]
 
-is the mean over the interval that ends at sample k, the law that `speed_filter` calls the mean over
-the sample interval.  The resolution of an encoder appears in it as noise of up to one count per
+It is the mean over the interval that ends at sample k, which `speed_filter` calls the mean over the
+sample interval.  The resolution of an encoder appears in it as noise of up to one count per
 interval; nothing is smoothed.  The first sample of each record has no interval and is omitted.
 
 An angle within one turn and a counter of a fixed width jump by their period.  The jumps are removed
@@ -13,6 +16,7 @@ turns faster could as well turn backwards.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -25,7 +29,7 @@ from identification.ingest.channels import Channel
 from identification.ingest.run import RunWarning, SourceLocator
 from identification.ingest.timing import find_gaps
 
-__all__ = ["unwrapped", "with_speed"]
+__all__ = ["unwrapped", "with_speed", "with_voltage"]
 
 _LARGEST_STEP = 0.4
 _WIDTHS = (8, 16, 24, 32)
@@ -84,11 +88,7 @@ def _found_period(
         return fits[0]
     if not fits and size[at] <= max(0.5 * span, 0.5 * turn):
         return None
-    entry = {
-        "column": channel.column.label,
-        "scale": channel.scale,
-        "unit": channel.unit.name,
-    }
+    entry = {"column": channel.column.label, "scale": channel.scale, "unit": channel.unit.name}
     periods_text = " or ".join(f"{p:.6g}" for p in fits) or "an unknown value"
     raise locator.error(
         AmbiguousAngle,
@@ -110,6 +110,32 @@ def _explains(period: float, steps: Array) -> bool:
     others = float(np.max(np.abs(steps[~jumps]), initial=0.0))
     left = np.abs(np.abs(steps[jumps]) - period)
     return bool(np.max(left) <= 2.0 * others + 1e-3 * period)
+
+
+def with_voltage(
+    values: dict[str, Array], locator: SourceLocator
+) -> tuple[dict[str, Array], SourceLocator, RunWarning]:
+    """Replace duty cycle and bus voltage by their product, the mean voltage of a switching period.
+
+    Return the channels (n_sample,) in SI units, the locator of the voltage, and a warning that
+    states the method.
+    """
+    kept = dict(values)
+    duty, bus = kept.pop("duty"), kept.pop("bus_voltage_V")
+    kept["voltage_V"] = duty * bus
+    product = f"{locator.columns['duty']} x {locator.columns['bus_voltage_V']}"
+    moved = dataclasses.replace(
+        locator,
+        columns={**locator.columns, "voltage_V": product},
+        derived={**locator.derived, "voltage_V": "duty"},
+    )
+    note = (
+        f"no motor voltage is logged: it is duty times bus voltage ({product}, "
+        f"{np.min(duty):.4g} to {np.max(duty):.4g} times {np.min(bus):.4g} to {np.max(bus):.4g} V);"
+        " dead time and voltage drops of the chopper are not subtracted, so they add to Ra25 and "
+        "brush_drop"
+    )
+    return kept, moved, locator.warning("voltage_from_duty", note)
 
 
 def with_speed(

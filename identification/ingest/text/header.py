@@ -1,0 +1,297 @@
+"""Lines above the samples of a text table: the header rows, and the preamble of a device.
+
+Header rows stand directly above the samples and have the same number of cells: column names,
+optionally a row of units and a second row of names.  A line that contains numbers between names and
+samples is a damaged sample and raises an error.
+
+The preamble gives names, units and the sample clock of the columns:
+
+    LabVIEW (LVM)   Y_Unit_Label, X0, Delta_X, X_Columns, Samples
+    Yokogawa        TraceName, VUnit, HUnit, HOffset, HResolution, BlockSize
+    Tektronix       Label, Vertical Units, Horizontal Units
+    Rigol           Sequence, below the columns Start and Increment
+
+The first cell of such a line is its key; the others stand above the columns that they describe.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from identification.errors import (
+    HeaderTooLong,
+    NoHeader,
+    NotANumber,
+    RaggedRow,
+    RunFileError,
+    UnsupportedContent,
+)
+from identification.ingest.columns import Column, describe_column
+from identification.ingest.display import listed, plain, quoted
+from identification.ingest.names import LONGEST_CELL, is_channel_name, is_units_row
+from identification.ingest.text.cells import is_number, number_text, split_cells
+
+__all__ = ["HeaderRows", "Line", "Preamble", "is_keyed", "read_preamble"]
+
+_MOST_ROWS = 5
+_WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
+# A whole number has no leading zero.
+_FRACTION = re.compile(r"0\d+", re.ASCII)
+
+_NAMES = ("tracename", "label")
+_UNITS = ("y_unit_label", "vunit", "vertical units")
+_TIME_UNIT = ("hunit", "horizontal units")
+_START = ("x0", "hoffset")
+_STEP = ("delta_x", "hresolution")
+_COLUMNS = "x_columns"
+_SEQUENCE = "sequence"
+_COUNT = ("samples", "blocksize")
+KEYS = frozenset((*_NAMES, *_UNITS, *_TIME_UNIT, *_START, *_STEP, _COLUMNS, _SEQUENCE))
+
+_LABVIEW_TIME = "x_value"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the preview: its line number in the file and its text."""
+
+    number: int
+    text: str
+
+
+class HeaderRows:
+    """Search for the header rows above samples of known delimiter and number of cells."""
+
+    def __init__(self, delimiter: str, fields: int, sample: Line) -> None:
+        self._delimiter = delimiter
+        self._fields = fields
+        self._sample = sample
+        self._sample_cells = split_cells(sample.text, delimiter)
+
+    def above(
+        self, lines: list[Line], comments: list[Line], names: Sequence[str] = ()
+    ) -> list[tuple[Line, list[str]]]:
+        """Find the header rows above the first sample, each with its cells, from top to bottom.
+
+        Comments are searched if the lines hold no header; names from the preamble of a device stand
+        for a missing one.
+
+        Raises:
+            RunFileError: No line above the samples names their columns, a header cell is too long,
+                or a line between names and samples is a damaged sample.
+        """
+        before = [line for line in comments if line.number < self._sample.number]
+        rows = self._collect(lines) or self._collect(before)
+        if not rows and not names:
+            raise self._headless(lines)
+        return rows or [(self._sample, [""] * self._fields)]
+
+    def _collect(self, lines: list[Line]) -> list[tuple[Line, list[str]]]:
+        rows: list[tuple[Line, list[str]]] = []
+        named = False
+        for line in reversed(lines[-_MOST_ROWS:]):
+            cells = self._fitted(line)
+            apart = bool(rows) and rows[0][0].number - line.number > 1
+            if cells is None or (named and apart):
+                break
+            for number, cell in enumerate(cells, 1):
+                if len(cell) > LONGEST_CELL:
+                    raise HeaderTooLong(
+                        f"a header of {len(cell)} characters; expected at most {LONGEST_CELL}; "
+                        "shorten the column name",
+                        row=line.number,
+                        column=str(number),
+                        value=len(cell),
+                    )
+            if any(map(is_number, cells)):
+                if named:
+                    break
+                self._refuse_damaged_sample(line, cells, lines)
+            rows.insert(0, (line, cells))
+            named = named or not is_units_row(cells)
+        return rows
+
+    def _fitted(self, line: Line) -> list[str] | None:
+        """Cells of a header line that match the samples in number, or None.
+
+        A trailing delimiter is tolerated.
+        """
+        delimiters = (self._delimiter,) if self._delimiter != " " else (" ", ",", ";", "\t")
+        for delimiter in delimiters:
+            cells = split_cells(line.text, delimiter, units_in_brackets=True)
+            if len(cells) == self._fields:
+                return cells
+            # LabVIEW ends its header with a column Comment that the samples may lack.
+            extra = cells[-1].casefold() if len(cells) == self._fields + 1 else None
+            if extra in ("", "comment"):
+                return cells[:-1]
+            if len(cells) == self._fields - 1 and not self._sample_cells[-1]:
+                return [*cells, ""]
+        return None
+
+    def _refuse_damaged_sample(self, line: Line, cells: list[str], lines: list[Line]) -> None:
+        """Raise if a line with numbers directly below the names is a damaged sample."""
+        above = [other for other in lines if other.number < line.number][-1:]
+        names = self._fitted(above[0]) if above else None
+        if names is None or is_units_row(cells) or any(map(is_number, names)):
+            return
+        at = next((k for k, cell in enumerate(cells) if not is_number(cell)), 0)
+        raise NotANumber(
+            f"{quoted(cells[at])} is not a number; expected a sample below the column names",
+            row=line.number,
+            column=plain(names[at]),
+            value=cells[at],
+        )
+
+    def _headless(self, lines: list[Line]) -> RunFileError:
+        """Error for samples that have no matching row of names above them."""
+        last = split_cells(lines[-1].text, self._delimiter) if lines else []
+        # Each of n numbers with a decimal comma has one or two fields.
+        is_halved = self._delimiter == "," and len(last) < self._fields <= 2 * len(last)
+        is_named = len(last) > 1 and any(map(is_channel_name, last))
+        is_whole = all(map(_WHOLE.fullmatch, self._sample_cells))
+        # Fields between commas may be digits after a decimal comma, such as 001.
+        has_fractions = self._delimiter == "," and any(map(_FRACTION.fullmatch, self._sample_cells))
+        if is_whole and ((is_named and is_halved) or has_fractions):
+            return RaggedRow(
+                f"the comma is both the decimal sign and the delimiter, which makes {self._fields} "
+                "fields of each sample; export with a decimal point, or with a semicolon or tab "
+                "as the delimiter",
+                row=self._sample.number,
+                value=self._fields,
+            )
+        if not is_named:
+            return NoHeader(
+                f"the samples have no header that names their {self._fields} columns; "
+                "add a header such as time_s,voltage_V,current_A,speed_rad_s,temperature_degC",
+                row=self._sample.number,
+            )
+        return RaggedRow(
+            f"the samples have {self._fields} fields and the header has {len(last)}; write one "
+            "name for each column",
+            row=self._sample.number,
+            value=self._fields,
+        )
+
+
+@dataclass(frozen=True)
+class Preamble:
+    """Cells of the lines with known keys; the last line of a key counts."""
+
+    lines: dict[str, list[str]] = field(default_factory=dict)
+    """Key to the cells of its line, the key included."""
+
+    def columns(self, columns: Sequence[Column]) -> list[Column]:
+        """Columns of the table with the names and units of the preamble added.
+
+        An implied time becomes an additional column behind the others.
+        """
+        self._refuse_different_clocks()
+        described = [self._described(column, len(columns)) for column in columns]
+        if self.clock is not None and not any("time" in c.quantities for c in described):
+            unit = next((self._cell(key, 1) for key in _TIME_UNIT if key in self.lines), "s")
+            described.append(describe_column(len(described), ["time"], [unit]))
+        return described
+
+    def names(self) -> list[str]:
+        """Names of the columns, for a table that has no other header row; may be empty."""
+        return next((cells for key, cells in self.lines.items() if key in _NAMES), [])
+
+    @property
+    def clock(self) -> tuple[float, float] | None:
+        """Start and interval of the samples in the unit of the time, if no column holds times."""
+        if _COLUMNS in self.lines and self._cell(_COLUMNS, 1).casefold() != "no":
+            return None
+        step = next((self._number(key) for key in _STEP if key in self.lines), math.nan)
+        start = next((self._number(key) for key in _START if key in self.lines), 0.0)
+        return (start, step) if step > 0.0 and math.isfinite(start) else None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that the device states, in LabVIEW that of a packet; 0 for none."""
+        key = _COUNT[0] if _COLUMNS in self.lines else _COUNT[1]
+        cells = self.lines.get(key, [])[1:]
+        return max((int(cell) for cell in cells if cell.isascii() and cell.isdigit()), default=0)
+
+    def _refuse_different_clocks(self) -> None:
+        """Reject channels of LabVIEW with different starts or intervals in one table."""
+        for key in (*_START[:1], *_STEP[:1]):
+            values = {cell for cell in self.lines.get(key, [])[1:] if cell}
+            if len(values) > 1:
+                raise UnsupportedContent(
+                    f"the channels have different clocks ({key} {listed(sorted(values), 6)}); let "
+                    "LabVIEW write TDMS, whose channels keep their own clocks, or resample them",
+                    value=key,
+                )
+
+    def _described(self, column: Column, count: int) -> Column:
+        is_time = _LABVIEW_TIME in (text.casefold() for text in column.texts)
+        if _COLUMNS in self.lines and is_time:
+            # Without times in its cells, the column X_Value is not the time.
+            # The columns of times in front of the other channels repeat the first one.
+            is_first = self.clock is None and column.index == 0
+            names, units = (["time"], ["s"]) if is_first else ([], [])
+            return describe_column(column.index, names, units)
+        names = [self._cell(key, column.index) for key in _NAMES if key in self.lines]
+        units = [self._unit(key, column.index, count) for key in _UNITS if key in self.lines]
+        if "time" in column.quantities and column.index == 0:
+            names, units = [], [self._cell(key, 1) for key in _TIME_UNIT if key in self.lines][:1]
+        if not any((*names, *units)):
+            return column
+        # The label of a channel is its title, ahead of CH1.
+        return describe_column(column.index, [*names, *column.texts], [*units, *column.unit_texts])
+
+    def _unit(self, key: str, index: int, count: int) -> str:
+        """Unit of a column; each channel of X_Columns Multi has a column of times in front."""
+        filled = [cell for cell in self.lines[key][1:] if cell]
+        if self._cell(_COLUMNS, 1).casefold() == "multi" and len(filled) == count // 2:
+            return filled[(index - 1) // 2] if index % 2 else ""
+        return self._cell(key, index)
+
+    def _cell(self, key: str, index: int) -> str:
+        cells = self.lines.get(key, [])
+        return cells[index].strip() if 0 < index < len(cells) else ""
+
+    def _number(self, key: str) -> float:
+        """First number of a line; NaN if there is none."""
+        text = self._cell(key, 1)
+        number = number_text(text, "," if "," in text else ".")
+        return float(number) if number is not None else math.nan
+
+
+def read_preamble(lines: Sequence[Line], delimiter: str) -> Preamble:
+    """Collect the lines with known keys."""
+    found: dict[str, list[str]] = {}
+    above: list[str] = []
+    for line in lines:
+        cells = split_cells(line.text, delimiter)
+        # A count is no reason to take a line for no header row: columns have such names too.
+        if is_keyed(line, delimiter) or _key(cells) in _COUNT:
+            found[_key(cells)] = cells
+            if _key(cells) == _SEQUENCE and above:
+                found |= _sequence(above, cells)
+        above = [cell.casefold() for cell in cells]
+    return Preamble(found)
+
+
+def _sequence(names: Sequence[str], cells: Sequence[str]) -> dict[str, list[str]]:
+    """Clock and units of a table of Rigol, whose clock stands once in columns of its own."""
+    found = {_UNITS[1]: list(cells)}
+    for name, key in (("start", _START[0]), ("increment", _STEP[0])):
+        if name in names[: len(cells)]:
+            at = names.index(name)
+            found |= {key: [key, cells[at]]}
+            found[_UNITS[1]][at] = ""
+    return found
+
+
+def is_keyed(line: Line, delimiter: str) -> bool:
+    """Return True for a line that begins with a known key; it is no header row."""
+    return _key(split_cells(line.text, delimiter)) in KEYS
+
+
+def _key(cells: Sequence[str]) -> str:
+    return cells[0].casefold().rstrip(": ") if cells else ""
