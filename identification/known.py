@@ -18,7 +18,7 @@ from typing import Final
 from identification.errors import OptionError
 from identification.quantities import DECLARED_PARAMETERS
 
-__all__ = ["DEFAULT_SPREAD", "KNOWN", "Prior", "known_values"]
+__all__ = ["DEFAULT_SPREAD", "KNOWN", "NUMBER", "Prior", "known_values"]
 
 KNOWN: Final = "--known"
 """Origin of a prior that a user gave by value."""
@@ -41,9 +41,10 @@ _RANGES: Final = {
     "L": (1e-8, 1e4),
 }
 """Ranges of brushed motors from a watch to a rolling mill, with a decade or more of margin."""
-_NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+"""Pattern of a number with a decimal point."""
 _FORM: Final = re.compile(
-    rf"\s*(\w+)\s*=\s*({_NUMBER})\s*(?:(?:\+-|±)\s*({_NUMBER})\s*(%?)\s*)?", re.ASCII
+    rf"\s*(\w+)\s*=\s*({NUMBER})\s*(?:(?:\+-|±)\s*({NUMBER})\s*(%?)\s*)?", re.ASCII
 )
 _EXPECTED: Final = (
     "expected NAME=VALUE, NAME=VALUE+-SD or NAME=VALUE+-N%, each as a separate argument, with a "
@@ -108,35 +109,23 @@ def _prior(word: str) -> Prior:
         unit = DECLARED_PARAMETERS[name].unit
         raise _refusal(word, f"{_EXPECTED}; {name} is in {unit}")
     value = float(match[2])
-    prior = Prior(name, value, _spread(value, match[3], match[4]))
+    sd = DEFAULT_SPREAD * abs(value) if match[3] is None else float(match[3])
+    prior = Prior(name, value, sd / 100.0 * abs(value) if match[4] else sd)
     _check_value(word, prior)
     _check_spread(word, prior, is_given=match[3] is not None)
     return prior
 
 
-def _spread(value: float, number: str | None, percent: str | None) -> float:
-    """The given standard deviation, or the default one."""
-    if number is None:
-        return DEFAULT_SPREAD * abs(value)
-    return float(number) / 100.0 * abs(value) if percent else float(number)
-
-
 def _check_value(word: str, prior: Prior) -> None:
     unit = prior.unit
-    if prior.is_size:
-        least, most = _RANGES[prior.name]
-        if not least <= prior.value <= most:
-            raise _refusal(
-                word,
-                f"{prior.name} is {prior.value:g} {unit}; expected a positive number in {unit}, "
-                f"from {least:g} to {most:g}",
-            )
-    if not prior.is_size and not abs(prior.value) <= _STEEPEST:
-        raise _refusal(
-            word,
-            f"{prior.name} is {prior.value:g} {unit}; expected a number from -{_STEEPEST:g} to "
-            f"{_STEEPEST:g} {unit}, for example 0.0039 for copper",
+    least, most = _RANGES.get(prior.name, (-_STEEPEST, _STEEPEST))
+    if not least <= prior.value <= most:
+        wanted = (
+            f"a positive number in {unit}, from {least:g} to {most:g}"
+            if prior.is_size
+            else f"a number from {least:g} to {most:g} {unit}, for example 0.0039 for copper"
         )
+        raise _refusal(word, f"{prior.name} is {prior.value:g} {unit}; expected {wanted}")
 
 
 def _check_spread(word: str, prior: Prior, *, is_given: bool) -> None:

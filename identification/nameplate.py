@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from identification.errors import OptionError
-from identification.known import Prior
+from identification.known import NUMBER, Prior
 
 __all__ = ["KEYS", "NAMEPLATE", "Nameplate", "nameplate_of"]
 
@@ -56,9 +56,7 @@ KEYS: Final = {
 }
 """SI unit of each nameplate key."""
 
-_NUMBER: Final = re.compile(
-    r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-z/ ]*?)\s*"
-)
+_VALUE: Final = re.compile(rf"\s*({NUMBER})\s*([A-Za-z/ ]*?)\s*")
 _LARGEST: Final = 1e9
 _SMALLEST: Final = 1e-9
 _EXAMPLE: Final = "voltage=12,no_load_speed=3000rpm,no_load_current=0.1,stall_current=4.2"
@@ -139,7 +137,7 @@ def _data(text: str) -> dict[str, float]:
 
 def _value(part: str, word: str, unit: str) -> float:
     """The number in SI units."""
-    units, match = _UNITS[unit], _NUMBER.fullmatch(word)
+    units, match = _UNITS[unit], _VALUE.fullmatch(word)
     suffix = match[2].replace(" ", "") if match else ""
     if match is None or (suffix and suffix not in units):
         raise _refusal(

@@ -26,6 +26,7 @@ TEMPLATES: Final = Environment(  # noqa: S701  source code, not HTML
     trim_blocks=True,
     keep_trailing_newline=True,
 )
+TEMPLATES.globals["version"] = version("motorid")
 
 _ENOUGH: Final = 1e-6
 """Error over the range of the signal of the default number of substeps."""
@@ -45,7 +46,6 @@ def c_code(motor: Exported, header: list[str]) -> str:
     history = initial_history(motor.model, np.array([1.0, 2.0]))
     marked = {0.0: "zero", 1.0: "current", 2.0: "speed"}
     return TEMPLATES.get_template("motor.c").render(
-        version=version("motorid"),
         header=[line.replace("*/", "* /") for line in header],
         errors=[(n, e) for n, e in errors.items() if n == 1 or n <= 2 * min(enough, default=256)],
         substeps=min(enough, default=max(errors)),

@@ -17,7 +17,6 @@ import tempfile
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final, Literal
 
@@ -32,6 +31,7 @@ _IDENTIFIER: Final = "motor"
 _SOURCE: Final = "motor_fmu.c"
 _DATE: Final = (1980, 1, 1, 0, 0, 0)
 """Date of all members, so that equal results give equal archives."""
+_FLAGS: Final = ("-std=c99", "-O2", "-fPIC", "-shared")
 _SECONDS: Final = 120
 
 _EXCLUDED: Final = (
@@ -76,7 +76,7 @@ def fmu(motor: Exported, header: list[str], fmi: Fmi) -> tuple[bytes, tuple[str,
     units = dict.fromkeys(v.unit for v in variables)
     description = TEMPLATES.get_template("fmu.xml").render(
         fmi=fmi, token=token, identifier=_IDENTIFIER,
-        version=version("motorid"), description=" ".join(header), variables=variables, units=units,
+        description=" ".join(header), variables=variables, units=units,
         source=_SOURCE, is_sampled=is_sampled, interval=motor.interval,
     )  # fmt: skip
     members = {"modelDescription.xml": description.encode(), f"sources/{_SOURCE}": source.encode()}
@@ -87,7 +87,11 @@ def fmu(motor: Exported, header: list[str], fmi: Fmi) -> tuple[bytes, tuple[str,
     library, remark = _library(source)
     if library:
         members[f"binaries/{_platform(fmi)}/{_IDENTIFIER}{_suffix()}"] = library
-    return _archive(members), (remark,) if remark else ()
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            archive.writestr(zipfile.ZipInfo(name, _DATE), data, zipfile.ZIP_DEFLATED)
+    return content.getvalue(), (remark,) if remark else ()
 
 
 def _variables(motor: Exported) -> Iterator[_Variable]:
@@ -113,16 +117,10 @@ def _variables(motor: Exported) -> Iterator[_Variable]:
         ("angle", "rad", "Shaft angle"),
     ):
         yield _Variable(name, "output", "continuous", "calculated", None, unit, text)
-    units = {"current": "A", "speed": "rad/s", "angle": "rad"} | {
-        f"{term.name}.{state.name}": state.unit
-        for term in motor.model.terms
-        for state in term.states
-    }
-    follows = {"temperature": 25.0}
-    for name, signal in zip(motor.model.state_names, motor.starts, strict=True):
-        start = follows.get(signal, 0.0)
+    for name, signal, unit in zip(motor.model.state_names, motor.starts, motor.units, strict=True):
+        start = 25.0 if signal == "temperature" else 0.0
         text = f"State; follows the {signal} unless it is set" if "." in name else "State"
-        yield _Variable(f"state.{name}", "local", "continuous", "exact", start, units[name], text)
+        yield _Variable(f"state.{name}", "local", "continuous", "exact", start, unit, text)
     for parameter, value in motor.parameters:
         yield _Variable(
             parameter.name, "parameter", "tunable", "exact", value, parameter.unit,
@@ -142,17 +140,7 @@ def _library(source: str) -> tuple[bytes, str]:
         path = Path(folder) / _SOURCE
         path.write_text(source, encoding="utf-8")
         built = path.with_suffix(_suffix())
-        words: list[str | Path] = [
-            compiler,
-            "-std=c99",
-            "-O2",
-            "-fPIC",
-            "-shared",
-            "-o",
-            built,
-            path,
-            "-lm",
-        ]
+        words: list[str | Path] = [compiler, *_FLAGS, "-o", built, path, "-lm"]
         try:
             subprocess.run(words, check=True, capture_output=True, timeout=_SECONDS)
         except (OSError, subprocess.SubprocessError) as error:
@@ -169,16 +157,7 @@ def _suffix() -> str:
 
 def _platform(fmi: Fmi) -> str:
     """Folder of the library in the archive."""
-    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(
-        platform.machine().lower(), platform.machine().lower()
-    )
+    found = platform.machine().lower()
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(found, found)
     system = "darwin" if sys.platform == "darwin" else "linux"
     return f"{system}64" if fmi == 2 and machine == "x86_64" else f"{machine}-{system}"
-
-
-def _archive(members: dict[str, bytes]) -> bytes:
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in members.items():
-            archive.writestr(zipfile.ZipInfo(name, _DATE), data, zipfile.ZIP_DEFLATED)
-    return content.getvalue()

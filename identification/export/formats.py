@@ -16,7 +16,7 @@ from identification.export.fmu import fmu
 from identification.export.language import MATLAB, MODELICA, PYTHON, Language
 from identification.export.model import Exported, exported_model
 from identification.export.scripts import continuous_notes, linear_motors, script
-from identification.export.table import csv_table
+from identification.export.table import csv_table, entries_of
 from identification.speed_loop.spread import checked_temperatures
 
 __all__ = ["FORMATS", "Export", "ExportFormat", "export"]
@@ -112,18 +112,9 @@ def export(
 
 
 def _usual_temperatures(result: Mapping[str, Any]) -> list[float]:
-    entries = result.get("feedback")
-    found = [
-        entry.get("temperature_degC")
-        for entry in (entries if isinstance(entries, list) else [])
-        if isinstance(entry, Mapping)
-    ]
+    found = [entry.get("temperature_degC") for entry in entries_of(result.get("feedback"))]
     known = sorted({float(value) for value in found if isinstance(value, int | float)})
     return known or [25.0, 125.0]
-
-
-def _c(request: Request) -> Export:
-    return Export(c_code(request.motor, request.header).encode(), request.motor.notes)
 
 
 def _fmu(request: Request, fmi: Literal[2, 3]) -> Export:
@@ -131,42 +122,29 @@ def _fmu(request: Request, fmi: Literal[2, 3]) -> Export:
     return Export(content, (*request.motor.notes, *remarks))
 
 
-def _equations(template: str, language: Language, *, delays: bool, linear: bool) -> Writer:
-    """Writer of a format with the continuous equations.
-
-    `delays` and `linear` say whether it holds delays of channels, and the linear motor with draws.
-    """
+def _equations(template: str, language: Language, *, is_linear: bool = False) -> ExportFormat:
+    """Format with the continuous equations: with the linear motor, else with channel delays."""
 
     def write(request: Request) -> Export:
-        notes = continuous_notes(request.motor, delays=delays)
+        notes = tuple(continuous_notes(request.motor, delays=not is_linear))
         header = [*request.header, *(f"Not in this file: {note}." for note in notes)]
         numbers = (
-            linear_motors(request.result, request.draws, request.temperatures) if linear else []
+            linear_motors(request.result, request.draws, request.temperatures) if is_linear else []
         )
         text = script(template, request.motor, language, header, numbers)
         return Export(text.encode(), (*request.motor.notes, *notes))
 
-    return write
-
-
-_python = _equations("python_control.py.txt", PYTHON, delays=False, linear=True)
-_matlab = _equations("matlab.m.txt", MATLAB, delays=False, linear=True)
-_simulink = _equations("simulink.m.txt", MATLAB, delays=True, linear=False)
-_modelica = _equations("modelica.mo.txt", MODELICA, delays=True, linear=False)
-
-
-def _csv(request: Request) -> Export:
-    return Export(csv_table(request.result).encode())
+    return ExportFormat(write, is_linear)
 
 
 FORMATS: Final[Mapping[str, ExportFormat]] = {
-    "python-control": ExportFormat(_python, is_linear=True),
-    "matlab": ExportFormat(_matlab, is_linear=True),
-    "simulink-m": ExportFormat(_simulink),
-    "modelica": ExportFormat(_modelica),
+    "python-control": _equations("python_control.py.txt", PYTHON, is_linear=True),
+    "matlab": _equations("matlab.m.txt", MATLAB, is_linear=True),
+    "simulink-m": _equations("simulink.m.txt", MATLAB),
+    "modelica": _equations("modelica.mo.txt", MODELICA),
     "fmu": ExportFormat(lambda request: _fmu(request, 2)),
     "fmu3": ExportFormat(lambda request: _fmu(request, 3)),
-    "c": ExportFormat(_c),
-    "csv": ExportFormat(_csv),
+    "c": ExportFormat(lambda r: Export(c_code(r.motor, r.header).encode(), r.motor.notes)),
+    "csv": ExportFormat(lambda request: Export(csv_table(request.result).encode())),
 }
 """Formats by the name in ``--to``."""

@@ -21,6 +21,9 @@ __all__ = ["C", "MATLAB", "MODELICA", "PYTHON", "Language", "Printed", "printed"
 _LONGEST: Final = 400
 """Length of an expression from which it becomes a local variable [characters]."""
 
+_UNARY: Final = ("exp", "log", "sin", "cos", "tanh", "sqrt", "floor", "ceil", "fabs")
+_BINARY: Final = ("pow", "fmin", "fmax")
+
 _COMMON: Final[Mapping[int, str]] = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_ADD: "({0} + {1})",
@@ -31,35 +34,40 @@ _COMMON: Final[Mapping[int, str]] = {
     ca.OP_SQ: "({0} * {0})",
     ca.OP_TWICE: "(2.0 * {0})",
     ca.OP_INV: "(1.0 / {0})",
-    ca.OP_EXP: "exp({0})",
-    ca.OP_LOG: "log({0})",
-    ca.OP_SIN: "sin({0})",
-    ca.OP_COS: "cos({0})",
-    ca.OP_TANH: "tanh({0})",
-    ca.OP_SQRT: "sqrt({0})",
-    ca.OP_FLOOR: "floor({0})",
-    ca.OP_CEIL: "ceil({0})",
-    ca.OP_FABS: "fabs({0})",
-    ca.OP_POW: "pow({0}, {1})",
     ca.OP_CONSTPOW: "pow({0}, {1})",
-    ca.OP_FMIN: "fmin({0}, {1})",
-    ca.OP_FMAX: "fmax({0}, {1})",
+    **{getattr(ca, f"OP_{name.upper()}"): f"{name}({{0}})" for name in _UNARY},
+    **{getattr(ca, f"OP_{name.upper()}"): f"{name}({{0}}, {{1}})" for name in _BINARY},
+}
+"""Spelling of most operations; functions have their names in C."""
+
+_SHORT_NAMES: Final[Mapping[int, str]] = {
+    ca.OP_FABS: "abs({0})",
+    ca.OP_FMIN: "min({0}, {1})",
+    ca.OP_FMAX: "max({0}, {1})",
+}
+_CARET: Final[Mapping[int, str]] = {
+    **_SHORT_NAMES,
+    ca.OP_POW: "({0})^({1})",
+    ca.OP_CONSTPOW: "({0})^({1})",
+    ca.OP_SIGN: "sign({0})",
 }
 
 _REPEATED: Final = (ca.OP_SQ,)
 """Operations that write their operand twice."""
 
 
-def _compared(template: str) -> dict[int, str]:
-    """Comparisons as numbers zero and one, from a template with the condition as {0}."""
-    return {
-        operation: template.replace("{0}", condition)
-        for operation, condition in (
-            (ca.OP_LT, "{0} < {1}"),
-            (ca.OP_LE, "{0} <= {1}"),
-            (ca.OP_EQ, "{0} == {1}"),
-        )
+def _logic(number: str, both: str, either: str, differs: str = "!=") -> dict[int, str]:
+    """Conditions as numbers zero and one, from a template with the condition as {0}."""
+    conditions = {
+        ca.OP_LT: "{0} < {1}",
+        ca.OP_LE: "{0} <= {1}",
+        ca.OP_EQ: "{0} == {1}",
+        ca.OP_NE: f"{{0}} {differs} {{1}}",
+        ca.OP_NOT: "{0} == 0.0",
+        ca.OP_AND: f"{{0}} {differs} 0.0 {both} {{1}} {differs} 0.0",
+        ca.OP_OR: f"{{0}} {differs} 0.0 {either} {{1}} {differs} 0.0",
     }
+    return {operation: number.replace("{0}", text) for operation, text in conditions.items()}
 
 
 @dataclass(frozen=True)
@@ -81,11 +89,7 @@ class Language:
 C: Final = Language(
     {
         **_COMMON,
-        **_compared("(double)({0})"),
-        ca.OP_NE: "(double)({0} != {1})",
-        ca.OP_NOT: "(double)({0} == 0.0)",
-        ca.OP_AND: "(double)({0} != 0.0 && {1} != 0.0)",
-        ca.OP_OR: "(double)({0} != 0.0 || {1} != 0.0)",
+        **_logic("(double)({0})", "&&", "||"),
         ca.OP_SIGN: "(double)(({0} > 0.0) - ({0} < 0.0))",
         ca.OP_COPYSIGN: "copysign({0}, {1})",
         ca.OP_IF_ELSE_ZERO: "({0} != 0.0 ? {1} : 0.0)",
@@ -98,14 +102,8 @@ C: Final = Language(
 PYTHON: Final = Language(
     {
         **_COMMON,
-        **_compared("float({0})"),
-        ca.OP_FABS: "abs({0})",
-        ca.OP_FMIN: "min({0}, {1})",
-        ca.OP_FMAX: "max({0}, {1})",
-        ca.OP_NE: "float({0} != {1})",
-        ca.OP_NOT: "float({0} == 0.0)",
-        ca.OP_AND: "float({0} != 0.0 and {1} != 0.0)",
-        ca.OP_OR: "float({0} != 0.0 or {1} != 0.0)",
+        **_SHORT_NAMES,
+        **_logic("float({0})", "and", "or"),
         ca.OP_SIGN: "float(({0} > 0.0) - ({0} < 0.0))",
         ca.OP_COPYSIGN: "copysign({0}, {1})",
         ca.OP_IF_ELSE_ZERO: "({1} if {0} != 0.0 else 0.0)",
@@ -118,17 +116,8 @@ PYTHON: Final = Language(
 MATLAB: Final = Language(
     {
         **_COMMON,
-        **_compared("double({0})"),
-        ca.OP_FABS: "abs({0})",
-        ca.OP_POW: "({0})^({1})",
-        ca.OP_CONSTPOW: "({0})^({1})",
-        ca.OP_FMIN: "min({0}, {1})",
-        ca.OP_FMAX: "max({0}, {1})",
-        ca.OP_NE: "double({0} ~= {1})",
-        ca.OP_NOT: "double({0} == 0.0)",
-        ca.OP_AND: "double({0} ~= 0.0 && {1} ~= 0.0)",
-        ca.OP_OR: "double({0} ~= 0.0 || {1} ~= 0.0)",
-        ca.OP_SIGN: "sign({0})",
+        **_CARET,
+        **_logic("double({0})", "&&", "||", "~="),
         ca.OP_COPYSIGN: "(abs({0}) * (2.0 * double({1} >= 0.0) - 1.0))",
         ca.OP_IF_ELSE_ZERO: "where({0}, {1})",
     },
@@ -141,18 +130,13 @@ MATLAB: Final = Language(
 MODELICA: Final = Language(
     {
         **_COMMON,
-        **_compared("(if {0} then 1.0 else 0.0)"),
-        ca.OP_FABS: "abs({0})",
-        ca.OP_POW: "({0})^({1})",
-        ca.OP_CONSTPOW: "({0})^({1})",
-        ca.OP_FMIN: "min({0}, {1})",
-        ca.OP_FMAX: "max({0}, {1})",
+        **_CARET,
+        **_logic("(if {0} then 1.0 else 0.0)", "and", "or"),
         ca.OP_NE: "(if abs({0} - {1}) > 0.0 then 1.0 else 0.0)",
         ca.OP_EQ: "(if abs({0} - {1}) > 0.0 then 0.0 else 1.0)",
         ca.OP_NOT: "(if abs({0}) > 0.0 then 0.0 else 1.0)",
         ca.OP_AND: "(if abs({0}) > 0.0 and abs({1}) > 0.0 then 1.0 else 0.0)",
         ca.OP_OR: "(if abs({0}) > 0.0 or abs({1}) > 0.0 then 1.0 else 0.0)",
-        ca.OP_SIGN: "sign({0})",
         ca.OP_COPYSIGN: "(if {1} >= 0.0 then abs({0}) else -abs({0}))",
         ca.OP_IF_ELSE_ZERO: "(if abs({0}) > 0.0 then {1} else 0.0)",
     },
@@ -167,15 +151,10 @@ MODELICA: Final = Language(
 class Printed:
     """Body of a printed function."""
 
-    lines: tuple[str, ...]
-    """Assignments in their order."""
+    text: str
+    """Assignments in their order, one per line."""
     local: tuple[str, ...]
     """Names of the local variables."""
-
-    @property
-    def text(self) -> str:
-        """The assignments, one per line."""
-        return "\n".join(self.lines)
 
 
 def printed(
@@ -203,7 +182,8 @@ def printed(
         elif operation == ca.OP_INPUT:
             which, row = function.instruction_input(k)
             name = inputs[which]
-            work[k] = name[row] if not isinstance(name, str) else _element(language, name, row)
+            element = (name, row + language.first)
+            work[k] = language.index.format(*element) if isinstance(name, str) else name[row]
         elif operation == ca.OP_OUTPUT:
             which, row = target
             value = work[made[k][0]]
@@ -223,7 +203,7 @@ def printed(
                 lines.append(language.local.format(name, text))
                 text = name
             work[k] = text
-    return Printed(tuple(lines), tuple(local))
+    return Printed("\n".join(lines), tuple(local))
 
 
 def _uses(
@@ -240,10 +220,6 @@ def _uses(
         if operation != ca.OP_OUTPUT:
             latest[function.instruction_output(k)[0]] = k
     return made, uses
-
-
-def _element(language: Language, name: str, row: int) -> str:
-    return language.index.format(name, row + language.first)
 
 
 def _number(value: float) -> str:

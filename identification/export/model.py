@@ -18,6 +18,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.errors import InputError
 from identification.export.accuracy import design_stiffness
+from identification.export.table import entries_of
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.parameter import Parameter
 from identification.model.step import step_function
@@ -137,6 +138,12 @@ class Exported:
         return tuple(zip(own, self.values.tolist(), strict=False))
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each state."""
+        own = [state.unit for term in self.model.terms for state in term.states]
+        return ("A", "rad/s", *own, "rad")
+
+    @property
     def starts(self) -> tuple[str, ...]:
         """For each state what it equals at the start: a signal, or ``zero``."""
         own = [state.follows for term in self.model.terms for state in term.states]
@@ -150,15 +157,13 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
         InputError: A parameter or effect is missing or unknown.
     """
     model, values = model_of(result)
-    given = result.get("runs") or []
-    runs = [run for run in given if isinstance(run, Mapping)] if isinstance(given, list) else []
+    runs = entries_of(result.get("runs"))
     named = dict(zip([p.name for p in model.parameters], values, strict=True))
     notes, kept = [], []
     for term in model.terms:
-        note = _note(term, len(runs))
-        notes += [note] if note else []
-        if not note or note.startswith(_kept(term)):
-            kept.append(term)
+        note, is_kept = _note(term, len(runs))
+        notes += [f"{term.name}{note}"] if note else []
+        kept += [term] if is_kept else []
     new = ExportModel((*kept, _External()), model.hold, run=len(runs))
     named |= {f"{_External.name}.{name}": 0.0 for name in EXTERNAL}
     own = np.array([named[p.name] for p in new.parameters])
@@ -179,33 +184,24 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
     )  # fmt: skip
 
 
-def _kept(term: AbstractTerm) -> str:
-    """Beginning of a note about a term that stays in the export."""
-    return f"{term.name} has"
-
-
-def _note(term: AbstractTerm, run: int) -> str:
-    """Sentence on the part of a term that the export omits; empty if it is complete."""
+def _note(term: AbstractTerm, run: int) -> tuple[str, bool]:
+    """What the export omits of a term, empty if nothing, and whether the term stays in it."""
     if isinstance(term, AbstractDelay) and term.channel == "voltage":
         return (
-            f"{term.name}: the logged voltage lagged the terminals; the input of the export is "
-            "the voltage at the terminals"
-        )
+            ": the logged voltage lagged the terminals; the input of the export is the voltage at "
+            "the terminals"
+        ), False
     if isinstance(term, AbstractDelay | AbstractHold | AbstractMean):
-        return ""
+        return "", True
     if not _acts(term, run):
-        return f"{term.name} acts only in runs of the campaign ({_variant(term)}); it is left out"
-    own = [state.name for state in term.states if state.is_own]
-    if own:
-        return (
-            f"{_kept(term)} values of each run ({', '.join(own)}); they are zero at the start of "
-            "the export, and predict fits them to the first samples"
-        )
-    return ""
-
-
-def _variant(term: AbstractTerm) -> str:
-    return str(getattr(term, "variant", "") or "of the campaign")
+        variant = getattr(term, "variant", "") or "of the campaign"
+        return f" acts only in runs of the campaign ({variant}); it is left out", False
+    own = ", ".join(state.name for state in term.states if state.is_own)
+    note = (
+        f" has values of each run ({own}); they are zero at the start of the export, and predict "
+        "fits them to the first samples"
+    )
+    return note if own else "", True
 
 
 def _acts(term: AbstractTerm, run: int) -> bool:

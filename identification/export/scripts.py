@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from importlib.metadata import version
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import casadi as ca
@@ -52,17 +51,15 @@ def equations(
     return first.text, second.text, tuple(dict.fromkeys((*first.local, *second.local)))
 
 
-def continuous_notes(motor: Exported, *, delays: bool) -> tuple[str, ...]:
+def continuous_notes(motor: Exported, *, delays: bool) -> Iterator[str]:
     """Sentences on what continuous equations, with delays of channels or not, omit of a model."""
-    notes = []
     if motor.model.delays and not delays:
-        notes.append("channel_delay is left out, because the equations are continuous")
+        yield "channel_delay is left out, because the equations are continuous"
     if motor.model.averaged:
-        notes.append(
+        yield (
             "the mean over the sample interval (speed_filter) is left out, because the equations "
             "are continuous"
         )
-    return tuple(notes)
 
 
 def script(
@@ -74,8 +71,9 @@ def script(
 ) -> str:
     """Text of a script or model, with lines about the motor as its header."""
     rates, logged, local = equations(motor, language, ["x", "u", "p"])
+    known = {parameter.name: value for parameter, value in motor.parameters}
+    start = {"temperature": REFERENCE_TEMPERATURE_DEGC}
     return TEMPLATES.get_template(template).render(
-        version=version("motorid"),
         header=[" ".join(line.split()) for line in header],
         rates=rates,
         logged=logged,
@@ -85,9 +83,14 @@ def script(
         signals=SIGNALS,
         parameters=motor.parameters,
         peak=motor.peak,
-        delays=_delays(motor),
+        delays={term.channel: known[f"{term.name}.delay"] for term in motor.model.delays},
         linear=linear,
-        unknowns=_unknowns(motor),
+        unknowns=[
+            (f"x_{name.replace('.', '_')}", _modelica_unit(unit), start.get(signal, 0.0))
+            for name, unit, signal in zip(
+                motor.model.state_names, motor.units, motor.starts, strict=True
+            )
+        ],
         constants=[
             (p.name.replace(".", "_"), _modelica_unit(p.unit), value, p.meaning.replace('"', "'"))
             for p, value in motor.parameters
@@ -103,28 +106,10 @@ def linear_motors(
     return [_linear(best, draws, temperature) for temperature in temperatures]
 
 
-def _unknowns(motor: Exported) -> list[tuple[str, str, float]]:
-    """Modelica name, unit and start of each state."""
-    own = [state.unit for term in motor.model.terms for state in term.states]
-    start = {"temperature": REFERENCE_TEMPERATURE_DEGC}
-    return [
-        (f"x_{name.replace('.', '_')}", _modelica_unit(unit), start.get(signal, 0.0))
-        for name, unit, signal in zip(
-            motor.model.state_names, ["A", "rad/s", *own, "rad"], motor.starts, strict=True
-        )
-    ]
-
-
 def _modelica_unit(unit: str) -> str:
     """Unit in the syntax of Modelica: ``N.m`` for N m, ``kg.m2`` for kg m^2."""
     known = {"-": "1", "ohm": "Ohm"}
     return known.get(unit, unit.replace(" ", ".").replace("^", ""))
-
-
-def _delays(motor: Exported) -> dict[str, float]:
-    """Delay of each delayed channel [s]."""
-    known = {parameter.name: value for parameter, value in motor.parameters}
-    return {term.channel: known[f"{term.name}.delay"] for term in motor.model.delays}
 
 
 def _linear(
@@ -136,12 +121,9 @@ def _linear(
     some = {name: np.asarray(draws[name])[kept] for name in values}
     entry: dict[str, Any] = {"temperature": float(temperature)}
     for name, chosen in (("best", values), ("samples", some)):
-        gain, denominator = polynomials(chosen, temperature)
-        a, b = matrices(chosen, temperature)
+        parts = (*polynomials(chosen, temperature), *matrices(chosen, temperature))
         entry[name] = [
-            {"gain": g, "denominator": d, "a": m, "b": n}
-            for g, d, m, n in zip(
-                gain.tolist(), denominator.tolist(), a.tolist(), b.tolist(), strict=True
-            )
+            dict(zip(("gain", "denominator", "a", "b"), one, strict=True))
+            for one in zip(*(part.tolist() for part in parts), strict=True)
         ]
     return entry

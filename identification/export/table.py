@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from identification.speed_loop.metrics import METRIC_UNITS
 
-__all__ = ["COLUMNS", "csv_table"]
+__all__ = ["COLUMNS", "csv_table", "entries_of"]
 
 COLUMNS: Final = (
     "group", "name", "temperature_degC", "controller", "mean", "sd", "q05", "median", "q95", "unit",
@@ -32,11 +32,11 @@ def csv_table(result: Mapping[str, Any]) -> str:
 def _rows(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     for name, entry in _members(result.get("parameters")):
         yield {**entry, "group": "parameters", "name": name}
-    for effect in _entries(result.get("effects")):
+    for effect in entries_of(result.get("effects")):
         for name, entry in _members(effect.get("parameters")):
             yield {**entry, "group": "effects", "name": f"{effect.get('name')}.{name}"}
     for group in _GROUPS:
-        for loop in _entries(result.get(group)):
+        for loop in entries_of(result.get(group)):
             place = {name: loop.get(name) for name in ("temperature_degC", "controller")}
             for name, entry in _members({name: loop.get(name) for name in METRIC_UNITS}):
                 yield {**entry, **place, "group": group, "name": name}
@@ -47,7 +47,8 @@ def _members(found: object) -> Sequence[tuple[str, Mapping[str, Any]]]:
     return [(str(name), entry) for name, entry in members if isinstance(entry, Mapping)]
 
 
-def _entries(found: object) -> list[Mapping[str, Any]]:
+def entries_of(found: object) -> list[Mapping[str, Any]]:
+    """Objects in a list of a result; none if a member is something else."""
     return [one for one in found if isinstance(one, Mapping)] if isinstance(found, list) else []
 
 

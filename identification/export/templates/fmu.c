@@ -1,3 +1,19 @@
+{% macro access(type, count) %}
+{% for verb, constant, address in [("Get", "", "&"), ("Set", "const ", "")] %}
+P{{ fmi }}({{ verb }}{{ type }})(void *c, const unsigned *vr, size_t n, {{ constant }}double *value{{ count }})
+{
+    size_t k;
+{% if count %}
+    if (count != n)
+        return motorid_fail(c, "all variables are scalars");
+{% endif %}
+    for (k = 0; k < n; k++)
+        if (motorid_{{ verb | lower }}(c, vr[k], {{ address }}value[k]))
+            return MOTORID_ERROR;
+    return MOTORID_OK;
+}
+{% endfor %}
+{% endmacro %}
 /* FMI {{ fmi }}.0 co-simulation of the motor above.  The declarations follow the standard's C API. */
 
 #include <stdlib.h>
@@ -215,23 +231,7 @@ MOTORID_EXPORT void *fmi2Instantiate(const char *name, int type, const char *gui
 P2(SetupExperiment)(void *c, int has, double tolerance, double start, int ends, double stop)
 { (void)has; (void)tolerance; (void)ends; (void)stop; ((motorid_fmu *)c)->now.begin = start; return MOTORID_OK; }
 P2(EnterInitializationMode)(void *c) { motorid_begin(c); return MOTORID_OK; }
-P2(GetReal)(void *c, const unsigned *vr, size_t n, double *value)
-{
-    size_t k;
-    for (k = 0; k < n; k++)
-        if (motorid_get(c, vr[k], &value[k]))
-            return MOTORID_ERROR;
-    return MOTORID_OK;
-}
-P2(SetReal)(void *c, const unsigned *vr, size_t n, const double *value)
-{
-    size_t k;
-    for (k = 0; k < n; k++)
-        if (motorid_set(c, vr[k], value[k]))
-            return MOTORID_ERROR;
-    return MOTORID_OK;
-}
-P2(SetRealInputDerivatives)(void *c, const unsigned *vr, size_t n, const int *order, const double *value)
+{{ access("Real", "") }}P2(SetRealInputDerivatives)(void *c, const unsigned *vr, size_t n, const int *order, const double *value)
 {
     size_t k;
     for (k = 0; k < n; k++) {
@@ -271,27 +271,7 @@ P3(EnterInitializationMode)(void *c, bool has, double tolerance, double start, b
     motorid_begin(c);
     return MOTORID_OK;
 }
-P3(GetFloat64)(void *c, const unsigned *vr, size_t n, double *value, size_t count)
-{
-    size_t k;
-    if (count != n)
-        return motorid_fail(c, "all variables are scalars");
-    for (k = 0; k < n; k++)
-        if (motorid_get(c, vr[k], &value[k]))
-            return MOTORID_ERROR;
-    return MOTORID_OK;
-}
-P3(SetFloat64)(void *c, const unsigned *vr, size_t n, const double *value, size_t count)
-{
-    size_t k;
-    if (count != n)
-        return motorid_fail(c, "all variables are scalars");
-    for (k = 0; k < n; k++)
-        if (motorid_set(c, vr[k], value[k]))
-            return MOTORID_ERROR;
-    return MOTORID_OK;
-}
-P3(DoStep)(void *c, double now, double size, bool keep, bool *event, bool *terminate, bool *early,
+{{ access("Float64", ", size_t count") }}P3(DoStep)(void *c, double now, double size, bool keep, bool *event, bool *terminate, bool *early,
            double *reached)
 {
     (void)keep;
