@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.checks.admission import Admission, admitted, suspects
-from identification.checks.values import check_values
+from identification.checks.campaign import Admission, admitted, check_values, suspects
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
 from identification.effort import EFFORTS

@@ -26,6 +26,7 @@ from identification.arrays import Array
 from identification.ingest.run import Run
 
 __all__ = [
+    "CHANNELS",
     "Balance",
     "Regression",
     "Signals",
@@ -37,6 +38,8 @@ __all__ = [
     "signals_of",
 ]
 
+CHANNELS: Final = {"voltage_V": "voltage", "current_A": "current", "speed_rad_s": "speed"}
+"""Field of `Run` and `Signals` by the canonical name of the channel."""
 SAMPLES: Final = 200_000
 """Largest number of samples checked per run; a faulty sensor is faulty from the beginning."""
 _WINDOW_SAMPLES: Final = 8
@@ -139,29 +142,6 @@ def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
     return Regression(values / scale, errors / scale, values / size, missed)
 
 
-class _Windows:
-    """Division of a record into windows of equal sample count, without those across a gap."""
-
-    def __init__(self, signals: Signals, length: int) -> None:
-        self._step = np.diff(signals.time)
-        self._edges = np.arange((signals.time.size - 1) // length + 1) * length
-        broken = np.add.reduceat(~signals.joined, self._edges[:-1])
-        self._kept = broken == 0
-        self._duration = np.diff(signals.time[self._edges])
-
-    @property
-    def count(self) -> int:
-        return int(self._kept.sum())
-
-    def mean(self, signal: Array) -> Array:
-        area = np.cumsum(0.5 * (signal[1:] + signal[:-1]) * self._step)
-        edges = np.concatenate(([0.0], area))[self._edges]
-        return np.asarray((np.diff(edges) / self._duration)[self._kept])
-
-    def rate(self, signal: Array) -> Array:
-        return np.asarray((np.diff(signal[self._edges]) / self._duration)[self._kept])
-
-
 @dataclass(frozen=True)
 class Balance:
     """Both balances over windows of one length."""
@@ -197,24 +177,26 @@ class Balance:
 def balances_of(signals: Signals) -> list[Balance]:
     """The balances over short and over long windows, if the run is long enough for them."""
     rows = signals.time.size
-    lengths = {_WINDOW_SAMPLES, max(_WINDOW_SAMPLES, rows // _WINDOWS)}
-    found = []
-    for length in sorted(lengths):
-        if rows <= _FEWEST_WINDOWS * length:
-            continue
-        windows = _Windows(signals, length)
-        if windows.count < _FEWEST_WINDOWS:
-            continue
-        found.append(
-            Balance(
-                windows.mean(signals.voltage),
-                windows.mean(signals.current),
-                windows.mean(signals.speed),
-                windows.rate(signals.current),
-                windows.rate(signals.speed),
-            )
-        )
-    return found
+    lengths = sorted({_WINDOW_SAMPLES, max(_WINDOW_SAMPLES, rows // _WINDOWS)})
+    found = [_balance(signals, length) for length in lengths if rows > _FEWEST_WINDOWS * length]
+    return [balance for balance in found if balance.voltage.size >= _FEWEST_WINDOWS]
+
+
+def _balance(signals: Signals, length: int) -> Balance:
+    """The balances over windows of equal sample count, without those across a gap."""
+    edges = np.arange((signals.time.size - 1) // length + 1) * length
+    kept = np.add.reduceat(~signals.joined, edges[:-1]) == 0
+    step, duration = np.diff(signals.time), np.diff(signals.time[edges])
+
+    def mean(signal: Array) -> Array:
+        area = np.cumsum(0.5 * (signal[1:] + signal[:-1]) * step)
+        return np.asarray((np.diff(np.concatenate(([0.0], area))[edges]) / duration)[kept])
+
+    def rate(signal: Array) -> Array:
+        return np.asarray((np.diff(signal[edges]) / duration)[kept])
+
+    v, i, w = signals.voltage, signals.current, signals.speed
+    return Balance(mean(v), mean(i), mean(w), rate(i), rate(w))
 
 
 def reverses(signal: Array) -> bool:

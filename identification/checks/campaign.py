@@ -1,30 +1,50 @@
-"""All checks of all runs, in an order in which the first explanation of a fault is reported."""
+"""All checks of all runs, and the selection of the runs to fit: all, the consistent ones, or none.
+
+The checks of one run have an order in which the first explanation of a fault is reported.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.balance import Signals, balances_of, has_signal, signals_of
-from identification.checks.between_samples import aliased_findings
 from identification.checks.consistency import consistency_findings, estimate_of
-from identification.checks.dead import copied_findings, dead_findings, stuck_findings
+from identification.checks.dead import (
+    copied_findings,
+    dead_findings,
+    stuck_findings,
+    unlogged_voltage_findings,
+)
 from identification.checks.finding import Finding
 from identification.checks.heat import heat_findings, jump_findings
-from identification.checks.identity import identity_findings
-from identification.checks.magnitude import magnitude_findings
-from identification.checks.noise import unlogged_voltage_findings
+from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.plausible import plausibility_findings
-from identification.checks.shift import shifted_findings
+from identification.checks.signs import identity_findings, magnitude_findings
+from identification.errors import ContradictoryRuns, InputError
 from identification.ingest.run import Run
+from identification.options import FitOptions
+from identification.warning import ResultWarning, both_ways
 
-__all__ = ["Verdict", "check_runs"]
+__all__ = ["Admission", "Verdict", "admitted", "check_runs", "check_values", "suspects"]
 
 _UNEXPLAINED = 0.6
 _DRIVEN = 0.05
+
+_FORCED: Final = (
+    "do not rely on this result: it was fitted with --force (option force) although the runs "
+    "contradict physics or each other: "
+)
+_ASIDE: Final = "run set aside (neither fitted nor used for validation): "
+_SUSPECT: Final = ("identical_channels", "constant_channel")
+"""Codes of warnings that may explain a failed calculation, the most likely first."""
+_LEAST_ROWS: Final = 50
+_LARGEST: Final = 1e15
+"""Largest value of a channel; beyond it, the squares of a long record exhaust double precision."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +96,13 @@ def _sizes(run: Run) -> NDArray[np.float64]:
 
 def _single(run: Run, strongest: NDArray[np.float64]) -> list[Finding]:
     """Findings of one run: temperature jumps, and the first electrical check that finds a fault."""
-    jumps = jump_findings(run)
+    jumps = list(jump_findings(run))
     moved = _sizes(run)
     if np.all(moved < _DRIVEN * strongest):
         return [*jumps, _idle(run, float(np.max(moved / strongest)))]
     signals = signals_of(run)
     if moved[0] < _DRIVEN * strongest[0]:
-        return unlogged_voltage_findings(run, signals) + jumps
+        return [*unlogged_voltage_findings(run, signals), *jumps]
     for check in (
         copied_findings,
         aliased_findings,
@@ -94,7 +114,7 @@ def _single(run: Run, strongest: NDArray[np.float64]) -> list[Finding]:
         identity_findings,
         _unexplained,
     ):
-        found = check(run, signals)
+        found = list(check(run, signals))
         if found:
             return found + jumps
     return jumps
@@ -114,16 +134,12 @@ def _idle(run: Run, share: float) -> Finding:
     )
 
 
-def _unexplained(run: Run, signals: Signals) -> list[Finding]:
+def _unexplained(run: Run, signals: Signals) -> Iterator[Finding]:
     """Finding for a voltage that current and speed do not explain, for an unknown reason."""
-    if not has_signal(signals.voltage):
-        return []
     fits = [b.electrical for b in balances_of(signals)]
     missed = min((f.missed for f in fits if f is not None), default=0.0)
-    if missed < _UNEXPLAINED:
-        return []
-    return [
-        Finding(
+    if missed >= _UNEXPLAINED and has_signal(signals.voltage):
+        yield Finding(
             "unexplained_voltage",
             "refuse",
             run.name,
@@ -134,4 +150,140 @@ def _unexplained(run: Run, signals: Signals) -> list[Finding]:
             missed,
             _UNEXPLAINED,
         )
-    ]
+
+
+@dataclass(frozen=True)
+class Admission:
+    """The runs to fit, and the findings of the checks."""
+
+    training: tuple[Run, ...]
+    """Runs to fit."""
+    validation: tuple[Run, ...]
+    """Validation runs."""
+    findings: tuple[Finding, ...] = ()
+    """Findings in the given runs, contradictions first."""
+    set_aside: tuple[tuple[Run, str], ...] = ()
+    """Runs excluded for a contradiction, with their roles."""
+    forced: bool = False
+    """True if the runs to fit contain contradictions."""
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """Runs to fit, then validation runs."""
+        return (*self.training, *self.validation)
+
+    @property
+    def warnings(self) -> list[ResultWarning]:
+        """Warnings for the result, the most severe first."""
+        left_out = {run.name for run, _ in self.set_aside}
+        refused = [f for f in self.findings if f.severity == "refuse"]
+        fitted = [f for f in refused if f.file not in left_out]
+        forced = [f.warning(_FORCED, "critical") for f in fitted]
+        aside = [f.warning(_ASIDE) for f in refused if f.file in left_out]
+        # A contradiction of one channel is a warning of that channel, too, which names it first.
+        named = [f.warning() for f in fitted if f.column]
+        named += [f.warning() for f in self.findings if f.severity == "suspect"]
+        return forced + aside + named
+
+
+def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOptions) -> Admission:
+    """Check all runs and decide which are fitted.
+
+    Raises:
+        ContradictoryRuns: Runs contradict physics or each other, and the options do not resolve it;
+            the message lists all findings.
+    """
+    verdict = check_runs([*training, *validation])
+    findings = list(verdict.findings)
+    left_out: set[str] = set()
+    refused = verdict.refused
+    while options.set_aside and (separable := {f.file for f in refused if f.separable}):
+        left_out |= separable
+        kept = [run for run in (*training, *validation) if run.name not in left_out]
+        # A fault may have hidden another one, or have caused the contradictions of other runs.
+        refused = check_runs(kept).refused
+        known = {str(f) for f in findings}
+        findings = [f for f in findings if f.separable or f in refused]
+        findings += [f for f in refused if str(f) not in known]
+    kept_training = tuple(run for run in training if run.name not in left_out)
+    if (refused and not options.force) or (left_out and not kept_training):
+        raise _refusal([f for f in findings if f.severity == "refuse"], options)
+    aside = [(run, "training") for run in training if run.name in left_out]
+    aside += [(run, "validation") for run in validation if run.name in left_out]
+    return Admission(
+        kept_training,
+        tuple(run for run in validation if run.name not in left_out),
+        tuple(findings),
+        tuple(aside),
+        forced=bool(refused),
+    )
+
+
+def _refusal(findings: Sequence[Finding], options: FitOptions) -> ContradictoryRuns:
+    """Error that lists all findings and the possible remedies."""
+    count = f"{len(findings)} contradictions" if len(findings) > 1 else "1 contradiction"
+    ways = "correct the runs"
+    if any(f.corrections for f in findings):
+        ways += f" with {both_ways('map')}"
+    if not options.set_aside and any(f.separable for f in findings):
+        ways += f", exclude the named runs with {both_ways('set_aside')}"
+    elif options.set_aside:
+        ways += " (setting runs aside cannot resolve this, because too few runs remain)"
+    text = "; ".join(f"({k}) {finding}" for k, finding in enumerate(findings, 1))
+    return ContradictoryRuns(
+        f"{count} in the runs; {ways}, or fit them anyway with {both_ways('force')}: {text}",
+        [finding.entry() for finding in findings],
+    )
+
+
+def suspects(runs: Sequence[Run]) -> str:
+    """Remarks on the runs that may explain why there is no result; empty if there are none."""
+    found = [str(finding) for finding in check_runs(runs).refused]
+    found += [str(w) for code in _SUSPECT for run in runs for w in run.warnings if w.code == code]
+    if not found:
+        return ""
+    more = f" ({len(found) - 1} more such remarks)" if len(found) > 1 else ""
+    return f"; what was noticed in the runs may be why: {found[0]}{more}"
+
+
+def check_values(training: Sequence[Run], validation: Sequence[Run]) -> None:
+    """Reject too few samples and invalid values.
+
+    A run need not come from the file reader, whose limits are tighter.
+
+    Raises:
+        InputError: There are too few samples, time does not increase, or a value is not finite or
+            too large to be squared.
+    """
+    if not training:
+        raise InputError("no training run was given; expected at least one run file")
+    rows = sum(run.rows for run in training)
+    if rows < _LEAST_ROWS:
+        raise InputError(
+            f"the training runs have {rows} samples together; expected at least {_LEAST_ROWS}: "
+            "record longer or give more runs",
+            file=training[0].name,
+            value=rows,
+        )
+    for run in (*training, *validation):
+        _check_run(run)
+
+
+def _check_run(run: Run) -> None:
+    for name, values in run.channels.items():
+        wrong = np.flatnonzero(~(np.abs(values) < _LARGEST))
+        if wrong.size:
+            raise InputError(
+                f"sample {wrong[0]} is {values[wrong[0]]:.6g}; expected a finite value below "
+                f"{_LARGEST:.0e}: check the sensor and its scale",
+                file=run.name,
+                column=name,
+                value=float(values[wrong[0]]),
+            )
+    steps = np.diff(run.time)
+    if not (np.isfinite(run.time).all() and (steps > 0).all()):
+        raise InputError(
+            "time does not increase from sample to sample; expected finite increasing seconds",
+            file=run.name,
+            column="time_s",
+        )

@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median_low
 from typing import Final
 
 import numpy as np
 
 from identification.checks.balance import balances_of, signals_of
-from identification.checks.correction import factor
-from identification.checks.finding import Finding
+from identification.checks.finding import Finding, factor
 from identification.ingest.run import Run
 
 __all__ = ["Estimate", "consistency_findings", "estimate_of"]
@@ -141,20 +141,13 @@ def consistency_findings(estimates: Sequence[Estimate]) -> list[Finding]:
     sound = [e for e in estimates if e.is_sound]
     if len(sound) < 2:
         return []
-    centre = _median([e.constant for e in sound]), _median([e.resistance for e in sound])
+    centre = median_low(e.constant for e in sound), median_low(e.resistance for e in sound)
     odd = [e for e in sound if _is_odd(e, *centre)]
-    late = [e for e in sound if e not in odd and _is_slow(e, sound)]
-    if not odd:
-        return [_time_finding(e, sound) for e in late]
     if 2 * len(odd) >= len(sound):
         return [_divided(sound)]
     fitting = [e for e in sound if e not in odd]
-    return [_odd_finding(e, fitting) for e in odd] + [_time_finding(e, sound) for e in late]
-
-
-def _median(values: Sequence[float]) -> float:
-    """Lower median, which is one of the values."""
-    return sorted(values)[(len(values) - 1) // 2]
+    late = [(e, ratio) for e in fitting if (ratio := _time_ratio(e, sound)) is not None]
+    return [_odd_finding(e, fitting) for e in odd] + [_time_finding(e, r, sound) for e, r in late]
 
 
 def _is_odd(e: Estimate, constant: float, resistance: float) -> bool:
@@ -162,20 +155,15 @@ def _is_odd(e: Estimate, constant: float, resistance: float) -> bool:
     far = abs(math.log(e.constant / constant))
     if far > max(wide * _CONSTANT, _ERRORS * e.constant_error):
         return True
-    if _has_unknown_gain(e.run):
+    if any(w.code == "unknown_gain" for w in e.run.warnings):
         return False
-    return abs(math.log(e.resistance / resistance)) > max(
-        wide * _RESISTANCE, _ERRORS * e.resistance_error
-    )
-
-
-def _has_unknown_gain(run: Run) -> bool:
-    return any(w.code == "unknown_gain" for w in run.warnings)
+    far = abs(math.log(e.resistance / resistance))
+    return far > max(wide * _RESISTANCE, _ERRORS * e.resistance_error)
 
 
 def _odd_finding(e: Estimate, fitting: Sequence[Estimate]) -> Finding:
-    constant = _median([f.constant for f in fitting])
-    resistance = _median([f.resistance for f in fitting])
+    constant = median_low(f.constant for f in fitting)
+    resistance = median_low(f.resistance for f in fitting)
     named = _scale(e, constant, resistance)
     if named is not None:
         return _scale_finding(e, *named, constant)
@@ -216,17 +204,19 @@ def _scale(e: Estimate, constant: float, resistance: float) -> tuple[str, float,
 
 def _scale_finding(e: Estimate, channel: str, s: float, unit: str, constant: float) -> Finding:
     kind = f"; the values are probably in {unit}" if unit else ""
+    statistic, value, limit = "scale factor", s, math.exp(_RESISTANCE)
+    if channel != "current_A":
+        statistic, value = "Kt relative to the other runs", e.constant / constant
+        limit = math.exp(math.copysign(_CONSTANT, math.log(value)))
     return Finding(
         "scaled_channel",
         "refuse",
         e.run.name,
         channel,
         f"the values are {s:.4g} times those expected from the other runs{kind}",
-        "Kt relative to the other runs" if channel != "current_A" else "scale factor",
-        e.constant / constant if channel != "current_A" else s,
-        math.exp(math.copysign(_CONSTANT, math.log(e.constant / constant)))
-        if channel != "current_A"
-        else math.exp(_RESISTANCE),
+        statistic,
+        value,
+        limit,
         (factor(e.run, channel, 1.0 / s),),
     )
 
@@ -257,7 +247,6 @@ def _divided(sound: Sequence[Estimate]) -> Finding:
         max(e.constant for e in sound) / min(e.constant for e in sound),
         math.exp(_CONSTANT),
         corrections,
-        separable=False,
     )
 
 
@@ -266,26 +255,21 @@ def _described(e: Estimate) -> str:
     return f"{e.run.name} (Kt {e.constant:.3g} V s/rad, Ra {e.resistance:.3g} ohm)"
 
 
-def _is_slow(e: Estimate, sound: Sequence[Estimate]) -> bool:
-    """Whether the time of a run has another unit: interval and inertia are off by one factor."""
-    return e.inertia > 0.0 and e.inertia_error < 1.0 / _ERRORS and _time_ratio(e, sound) is not None
-
-
 def _time_ratio(e: Estimate, sound: Sequence[Estimate]) -> float | None:
+    """Factor by which interval and inertia are off if the time of a run has another unit."""
     others = [o for o in sound if o is not e and o.inertia > 0.0]
-    if not others:
+    if not others or not e.inertia > 0.0 or not e.inertia_error < 1.0 / _ERRORS:
         return None
-    interval = e.interval / _median([o.interval for o in others])
-    inertia = e.inertia / _median([o.inertia for o in others])
+    interval = e.interval / median_low(o.interval for o in others)
+    inertia = e.inertia / median_low(o.inertia for o in others)
     for ratio in (1e3, 1e6, 1e9, 60.0):
         if abs(math.log(interval / ratio)) < _TIME and abs(math.log(inertia / ratio)) < 2.0 * _TIME:
             return ratio
     return None
 
 
-def _time_finding(e: Estimate, sound: Sequence[Estimate]) -> Finding:
-    ratio = _time_ratio(e, sound) or 1.0
-    unit = {1e3: "ms", 1e6: "us", 1e9: "ns", 60.0: "another unit"}.get(ratio, "another unit")
+def _time_finding(e: Estimate, ratio: float, sound: Sequence[Estimate]) -> Finding:
+    unit = {1e3: "ms", 1e6: "us", 1e9: "ns"}.get(ratio, "another unit")
     return Finding(
         "scaled_channel",
         "refuse",
@@ -294,7 +278,7 @@ def _time_finding(e: Estimate, sound: Sequence[Estimate]) -> Finding:
         f"the values are {ratio:g} times too large, probably in {unit}: sample interval and "
         "inertia exceed those of the other runs by this factor",
         "sample interval relative to the other runs",
-        e.interval / _median([o.interval for o in sound if o is not e]),
+        e.interval / median_low(o.interval for o in sound if o is not e),
         ratio / math.exp(_TIME),
         (factor(e.run, "time_s", 1.0 / ratio),),
     )

@@ -1,24 +1,49 @@
-"""Sensor faults: dead, stuck at one value, or copied from another channel."""
+"""Sensor faults: dead, stuck at one value, copied from another channel, or noise only.
+
+Two tests of noise hold for records of any length.  A channel of white noise has
+
+    lag-1 autocorrelation r1 of variance 1/n
+    F = (R^2 / p) / ((1 - R^2) / (n - p - 1)), distributed as F(p, n - p - 1)
+
+where R^2 is the explained fraction of the channel, regressed on p signals that are independent of
+it, of any autocorrelation.  A channel is called noise if neither is significant: a drive that
+switches at random at each sample is white as well, but current and speed respond to it.
+
+Source: Anderson, The Distribution of the Serial Correlation Coefficient, Annals of Mathematical
+Statistics 13 (1942), 1-13; F test of the linear model with normal errors.
+"""
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from scipy.special import fdtrc
 
 from identification.arrays import Array
 from identification.checks.balance import (
+    CHANNELS,
     Balance,
     Signals,
     balances_of,
+    mean_square,
     regress,
 )
 from identification.checks.finding import Finding
-from identification.checks.noise import NOISE_PROBABILITY, is_noise, noise_probability
 from identification.ingest.run import Run
 
-__all__ = ["copied_findings", "dead_findings", "stuck_findings"]
+__all__ = [
+    "NOISE_PROBABILITY",
+    "copied_findings",
+    "dead_findings",
+    "noise_probability",
+    "stuck_findings",
+    "unlogged_voltage_findings",
+]
 
 _FOLLOWS: Final = 0.15
 """Explained fraction of a channel below which it is noise.  The least in 3,360 healthy balances was
@@ -33,67 +58,63 @@ _STAY: Final = 20
 _STAYS: Final = 5.0
 _STUCK: Final = 1.8
 _STUCK_SHARE: Final = 0.25
+NOISE_PROBABILITY: Final = 1e-3
+"""Probability of a larger F below which a channel is no noise."""
+_DEVIATIONS: Final = 3.0
+"""Standard deviations of r1 above which a channel is no noise; one-sided probability 0.0013."""
+_FEWEST: Final = 30
+_SMOOTH: Final = 0.9
+"""Autocorrelation above which less than a tenth of the variance of a speed is noise."""
+_UNEXPLAINED: Final = 0.6
 
-_NAMES: Final = {"voltage_V": "voltage", "current_A": "current", "speed_rad_s": "speed"}
 
-
-def copied_findings(run: Run, signals: Signals) -> list[Finding]:
+def copied_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     """Findings for channels with the samples of another one, sign ignored."""
-    found = []
-    names = list(_NAMES)
-    for at, first in enumerate(names):
-        for second in names[at + 1 :]:
-            one, other = getattr(signals, _NAMES[first]), getattr(signals, _NAMES[second])
-            if np.ptp(one) > 0.0 and np.array_equal(np.abs(one), np.abs(other)):
-                found.append(
-                    Finding(
-                        "copied_channel",
-                        "refuse",
-                        run.name,
-                        second,
-                        f"has the same samples as {first}; export the correct signal",
-                        "number of equal samples",
-                        float(one.size),
-                        0.0,
-                    )
-                )
-    return found
+    for first, second in itertools.combinations(CHANNELS, 2):
+        one, other = getattr(signals, CHANNELS[first]), getattr(signals, CHANNELS[second])
+        if np.ptp(one) > 0.0 and np.array_equal(np.abs(one), np.abs(other)):
+            yield Finding(
+                "copied_channel",
+                "refuse",
+                run.name,
+                second,
+                f"has the same samples as {first}; export the correct signal",
+                "number of equal samples",
+                float(one.size),
+                0.0,
+            )
 
 
-def dead_findings(run: Run, signals: Signals) -> list[Finding]:
+def dead_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     """Findings for current or speed sensors that do not respond to the drive."""
     balances = balances_of(signals)
     if np.ptp(signals.voltage) == 0.0:
-        return []
+        return
     if not balances:
-        return _noise_findings(run, signals)
+        yield from _noise_findings(run, signals)
+        return
     current = max(_explained(b, "current") for b in balances)
     speed = max(_explained(b, "speed") for b in balances)
-    found = []
     if current < _FOLLOWS and speed > _OTHER and _needed(balances, "current") > _NEEDED:
-        found.append(_dead(run, "current_A", "the voltage and the speed", current))
+        yield _dead(run, "current_A", "the voltage and the speed", current)
     if speed < _FOLLOWS and current > _OTHER and _needed(balances, "speed") > _NEEDED:
-        found.append(_dead(run, "speed_rad_s", "the voltage and the current", speed))
+        yield _dead(run, "speed_rad_s", "the voltage and the current", speed)
     if current < _FOLLOWS and speed < _FOLLOWS:
-        found.append(_dead(run, None, "the voltage", max(current, speed)))
-    return found
+        yield _dead(run, None, "the voltage", max(current, speed))
 
 
-def _noise_findings(run: Run, signals: Signals) -> list[Finding]:
+def _noise_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     """Findings of a run too short for the balances over windows."""
-    if signals.time.size < _FEWEST_SAMPLES or is_noise(signals, "voltage"):
-        return []
-    noisy = [name for name in ("current", "speed") if is_noise(signals, name)]
-    columns = {"current": "current_A", "speed": "speed_rad_s"}
-    return [
-        replace(
-            _dead(run, columns[name], "the voltage and the other channel", 0.0),
-            statistic="probability of noise that is explained as well",
-            value=noise_probability(signals, name),
-            limit=NOISE_PROBABILITY,
-        )
-        for name in noisy
-    ]
+    if signals.time.size < _FEWEST_SAMPLES or _is_noise(signals, "voltage"):
+        return
+    for column in ("current_A", "speed_rad_s"):
+        if _is_noise(signals, CHANNELS[column]):
+            yield replace(
+                _dead(run, column, "the voltage and the other channel", 0.0),
+                statistic="probability of noise that is explained as well",
+                value=noise_probability(signals, CHANNELS[column]),
+                limit=NOISE_PROBABILITY,
+            )
 
 
 def _dead(run: Run, column: str | None, others: str, explained: float) -> Finding:
@@ -123,16 +144,13 @@ def _explained(balance: Balance, channel: str) -> float:
         return 0.0
     regressors = [x for x in (b.voltage, other, rate) if np.ptp(x) > 0.0]
     if channel == "speed" and np.ptp(b.voltage) > 0.0:
-        # The speed responds slowly, so that past voltage counts as well as present voltage.
-        regressors.append(_filtered(b.voltage))
+        # The speed responds slowly, so that past voltage counts as well as present voltage: a
+        # low-pass filter with a time constant of eight windows.
+        kernel = np.exp(-np.arange(32) / 8.0)
+        past = np.convolve(b.voltage - b.voltage[0], kernel / kernel.sum())
+        regressors.append(past[: b.voltage.size])
     fit = regress(target, regressors) or regress(target, regressors[:1])
     return 1.0 if fit is None else 1.0 - fit.missed
-
-
-def _filtered(signal: Array) -> Array:
-    """The signal through a low-pass filter with a time constant of eight windows."""
-    kernel = np.exp(-np.arange(32) / 8.0)
-    return np.convolve(signal - signal[0], kernel / kernel.sum())[: signal.size]
 
 
 def _needed(balances: list[Balance], channel: str) -> float:
@@ -145,31 +163,26 @@ def _needed(balances: list[Balance], channel: str) -> float:
     return min(left)
 
 
-def stuck_findings(run: Run, signals: Signals) -> list[Finding]:
+def stuck_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     """Findings for sensors that hold one value while the motor continues to move."""
-    found = []
     for column in ("current_A", "speed_rad_s"):
-        start, stop, usual = _longest_stay(getattr(signals, _NAMES[column]))
+        signal = getattr(signals, CHANNELS[column])
+        start, stop, usual = _longest_stay(signal)
         if stop - start < max(_STAY, _STAYS * usual) or stop - start == signals.time.size:
             continue
         ratio, share = _inside(signals, start, stop)
         if ratio > _STUCK and share > _STUCK_SHARE:
-            value = getattr(signals, _NAMES[column])[start]
-            found.append(
-                Finding(
-                    "stuck_sensor",
-                    "refuse",
-                    run.name,
-                    column,
-                    f"is constant at {value:.6g} for {stop - start} samples from "
-                    f"{signals.time[start]:.6g} s while the other channels change; cut the file "
-                    "there",
-                    "RMS error of the voltage balance relative to the other samples",
-                    ratio,
-                    _STUCK,
-                )
+            yield Finding(
+                "stuck_sensor",
+                "refuse",
+                run.name,
+                column,
+                f"is constant at {signal[start]:.6g} for {stop - start} samples from "
+                f"{signals.time[start]:.6g} s while the other channels change; cut the file there",
+                "RMS error of the voltage balance relative to the other samples",
+                ratio,
+                _STUCK,
             )
-    return found
 
 
 def _longest_stay(signal: Array) -> tuple[int, int, int]:
@@ -199,3 +212,75 @@ def _inside(signals: Signals, start: int, stop: int) -> tuple[float, float]:
     usual = float(np.sqrt(np.mean(left[~inside] ** 2)))
     size = float(np.std(signals.voltage)) or 1.0
     return error / max(usual, 1e-12 * size), error / size
+
+
+def _is_noise(signals: Signals, channel: str) -> bool:
+    """True if a channel is constant, or white and independent of the other two."""
+    target = getattr(signals, channel)
+    if np.ptp(target) == 0.0:
+        return True
+    is_white = _autocorrelation(target) < _DEVIATIONS / math.sqrt(target.size)
+    return is_white and noise_probability(signals, channel) > NOISE_PROBABILITY
+
+
+def noise_probability(signals: Signals, channel: str) -> float:
+    """Probability that noise is explained as well as a channel is by the other two; 1 if unknown.
+
+    The regressors are the other channels at the previous, the same and the next sample.
+    """
+    others = [getattr(signals, n) for n in ("voltage", "current", "speed") if n != channel]
+    regressors = [shifted for other in others for shifted in (other[:-2], other[1:-1], other[2:])]
+    target = getattr(signals, channel)[1:-1]
+    missed, used = _missed(target, regressors)
+    freedom = target.size - used - 1
+    if used == 0 or freedom < 1:
+        return 1.0
+    return float(fdtrc(used, freedom, (1.0 - missed) / used / (max(missed, 1e-12) / freedom)))
+
+
+def unlogged_voltage_findings(run: Run, signals: Signals) -> Iterator[Finding]:
+    """Suspicion that a voltage was not logged: the motor does not run at the constant voltage.
+
+    At a constant voltage v, current and speed obey K w = v - R i - L di/dt.
+    """
+    speed = signals.speed
+    if speed.size < _FEWEST or _autocorrelation(speed) < _SMOOTH:
+        return
+    if np.std(speed) < 0.1 * float(np.max(np.abs(speed))) or not _is_noise(signals, "voltage"):
+        return
+    missed, _ = _missed(speed, [signals.current, np.gradient(signals.current, signals.time)])
+    if missed >= _UNEXPLAINED:
+        yield Finding(
+            "unlogged_voltage",
+            "suspect",
+            run.name,
+            "voltage_V",
+            f"is constant apart from noise ({float(np.mean(signals.voltage)):.4g} V) while the "
+            "speed changes, and the current does not fit a constant voltage; check that the "
+            "voltage at the motor terminals was logged",
+            "fraction of the speed variance that a constant voltage leaves unexplained",
+            missed,
+            _UNEXPLAINED,
+            remedy="log the voltage at the motor terminals",
+        )
+
+
+def _autocorrelation(signal: Array) -> float:
+    """Lag-1 autocorrelation, zero for a constant."""
+    centred = signal - signal.mean()
+    size = mean_square(centred)
+    return float(np.mean(centred[1:] * centred[:-1])) / size if size > 0.0 else 0.0
+
+
+def _missed(target: Array, regressors: Sequence[Array]) -> tuple[float, int]:
+    """Unexplained fraction of a target and number of independent regressors."""
+    matrix = np.column_stack(regressors)
+    matrix = matrix - matrix.mean(axis=0)
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    matrix = matrix[:, scale > 0.0] / scale[scale > 0.0]
+    centred = target - target.mean()
+    size = mean_square(centred)
+    if not matrix.size or size <= 0.0:
+        return 1.0, 0
+    values, _, rank, _ = np.linalg.lstsq(matrix, centred, rcond=1e-8)
+    return mean_square(centred - matrix @ values) / size, int(rank)

@@ -1,13 +1,31 @@
-"""Finding of a check: a contradiction in the runs, with its statistic and its correction."""
+"""Finding of a check: a contradiction in the runs, with its statistic and its correction.
+
+Corrections are ``--map`` arguments in terms of the columns that a run was read from:
+
+    training_3.csv:current_A=I motor * -1 in mA
+
+reads the current from the column "I motor" in mA, with the sign reversed.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
+from identification.ingest.run import Run, Source
+from identification.ingest.units import canonical_unit, find_unit
 from identification.warning import Option, ResultWarning, WarningSeverity
 
-__all__ = ["Finding", "Severity"]
+__all__ = [
+    "Finding",
+    "Severity",
+    "exchange",
+    "factor",
+    "left_out",
+    "other_unit",
+    "suspicious_unit",
+]
 
 Severity = Literal["refuse", "suspect"]
 """``refuse``: contradicts physics or the other runs.  ``suspect``: possible but unusual."""
@@ -35,12 +53,15 @@ class Finding:
     """Limit that it was compared with."""
     corrections: tuple[str, ...] = ()
     """``--map`` arguments that correct the fault; empty if no mapping can."""
-    separable: bool = True
-    """True if the fault is known to be in this run, regardless of the others."""
     remedy: str = ""
     """Action at the end of the message that removes the cause; empty if it has none."""
     option: Option | None = None
     """Option of the command line that `remedy` names; None if it names none."""
+
+    @property
+    def separable(self) -> bool:
+        """Whether the fault is known to be in one run, regardless of the others."""
+        return bool(self.file)
 
     def __str__(self) -> str:
         """Location, message, statistic with its limit, and the correction to type."""
@@ -58,14 +79,66 @@ class Finding:
 
     def entry(self) -> dict[str, object]:
         """The finding as plain data for result.json and HTTP."""
-        return {
-            "code": self.code,
-            "severity": self.severity,
-            "file": self.file or None,
-            "column": self.column,
-            "message": self.message,
-            "statistic": self.statistic,
-            "value": self.value,
-            "limit": self.limit,
-            "corrections": list(self.corrections),
-        }
+        entry = dataclasses.asdict(self)
+        del entry["remedy"], entry["option"]
+        return entry | {"file": self.file or None, "corrections": list(self.corrections)}
+
+
+def factor(run: Run, channel: str, number: float) -> str:
+    """Mapping of a channel, by its canonical name, multiplied by a number."""
+    channel = _logged(run, channel)
+    source = _source(run, channel)
+    words = f"{source.header} * {_number(source.scale * number)}"
+    if source.offset:
+        words += f" + {_number(source.offset * number)}"
+    if source.unit != canonical_unit(channel).name:
+        words += f" in {source.unit}"
+    if source.period is not None:
+        words += f" mod {_number(source.period)}"
+    return f"{run.name}:{channel}={words}"
+
+
+def exchange(run: Run, first: str, second: str) -> tuple[str, ...]:
+    """Mappings of two channels to each other's column, in SI units; none for a derived channel."""
+    if any(_logged(run, channel) != channel for channel in (first, second)):
+        return ()
+    return tuple(
+        f"{run.name}:{channel}={_source(run, other).header} in {canonical_unit(channel).name}"
+        for channel, other in ((first, second), (second, first))
+    )
+
+
+def other_unit(run: Run, channel: str, unit: str) -> str:
+    """Mapping of a channel to its column in another unit; that of a derived one is a factor."""
+    known = find_unit(unit)
+    if known is not None and _logged(run, channel) != channel:
+        return factor(run, channel, known.factor)
+    return f"{run.name}:{channel}={_source(run, channel).header} in {unit}"
+
+
+def left_out(run: Run, channel: str) -> str:
+    """Mapping that omits an optional channel."""
+    return f"{run.name}:{channel}="
+
+
+def suspicious_unit(
+    run: Run, column: str, message: str, statistic: str, value: float, limit: float, *, word: str
+) -> Finding:
+    """Suspicion of a wrong unit in all runs, corrected in all of them as `word` corrects one."""
+    corrections = (word.removeprefix(f"{run.name}:"),)
+    return Finding(
+        "suspicious_unit", "suspect", "", column, message, statistic, value, limit, corrections
+    )
+
+
+def _logged(run: Run, channel: str) -> str:
+    """The channel, or the one from which it is derived."""
+    return _source(run, channel).origin or channel
+
+
+def _source(run: Run, channel: str) -> Source:
+    return run.sources.get(channel, Source(channel, canonical_unit(channel).name))
+
+
+def _number(value: float) -> str:
+    return f"{value:.12g}"

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.consistency import Estimate
-from identification.checks.correction import left_out, other_unit
-from identification.checks.finding import Finding
+from identification.checks.finding import Finding, left_out, other_unit, suspicious_unit
 from identification.ingest.run import Run
 
 __all__ = ["heat_findings", "jump_findings"]
@@ -37,20 +35,18 @@ _LINE: Final = 0.03
 _COPPERS: Final = (0.0035, 0.00415)
 
 
-def jump_findings(run: Run) -> list[Finding]:
-    """Findings for temperature jumps that no thermometer can follow."""
+def jump_findings(run: Run) -> Iterator[Finding]:
+    """Finding for temperature jumps that no thermometer can follow."""
     if run.temperature is None:
-        return []
+        return
     step = np.abs(np.diff(run.temperature))
     # Any change is possible across a gap of the record.
     step[[start - 1 for start, _ in run.segments[1:]]] = 0.0
     rate = step / np.diff(run.time)
     jumps = np.flatnonzero((step > _JUMP_K) & (rate > _JUMP_K_S))
-    if not jumps.size:
-        return []
-    worst = int(jumps[np.argmax(step[jumps])])
-    return [
-        Finding(
+    if jumps.size:
+        worst = int(jumps[np.argmax(step[jumps])])
+        yield Finding(
             "jumping_temperature",
             "refuse",
             run.name,
@@ -63,7 +59,6 @@ def jump_findings(run: Run) -> list[Finding]:
             _JUMP_K_S,
             (left_out(run, "temperature_degC"),),
         )
-    ]
 
 
 def heat_findings(estimates: Sequence[Estimate]) -> list[Finding]:
@@ -76,7 +71,7 @@ def heat_findings(estimates: Sequence[Estimate]) -> list[Finding]:
         return []
     found = [finding for e in sound if (finding := _against(e, sound)) is not None]
     # If several runs deviate, the others are no reference.
-    return found[:1] if len(found) == 1 else _common(sound)
+    return found if len(found) == 1 else list(_common(sound))
 
 
 def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
@@ -90,18 +85,31 @@ def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
         return None
     logged = float(np.mean(e.run.temperature))
     effective = _REFERENCE + (e.raw_resistance / math.exp(middle) - 1.0) / _COPPER
-    at = _Deviation(off, limit, logged, effective)
     fahrenheit = (logged - 32.0) / 1.8
     mended = math.log(e.raw_resistance / (1.0 + _COPPER * (fahrenheit - _REFERENCE))) - middle
     if abs(mended) < min(max(0.03, spread), 0.4 * abs(off)):
+        code = "wrong_unit"
         kind = f"the values are probably in degrees Fahrenheit ({fahrenheit:.3g} degC)"
-        word = other_unit(e.run, "temperature_degC", "degF")
-        return _finding(e, "wrong_unit", at, kind, word)
-    others_move = all(np.ptp(_temperature(o)) > 0.0 for o in sound if o is not e)
-    if np.ptp(e.run.temperature) == 0.0 and others_move:
-        kind = "the thermometer is probably stuck"
-        return _finding(e, "stuck_sensor", at, kind, left_out(e.run, "temperature_degC"))
-    return None
+        correction = other_unit(e.run, "temperature_degC", "degF")
+    elif np.ptp(e.run.temperature) == 0.0 and all(
+        np.ptp(_temperature(o)) > 0.0 for o in sound if o is not e
+    ):
+        code, kind = "stuck_sensor", "the thermometer is probably stuck"
+        correction = left_out(e.run, "temperature_degC")
+    else:
+        return None
+    return Finding(
+        code,
+        "refuse",
+        e.run.name,
+        "temperature_degC",
+        f"the logged mean is {logged:.4g} degC, but the resistance of this run corresponds to "
+        f"{effective:.3g} degC according to the other runs; {kind}",
+        "logarithm of Ra25 relative to the other runs",
+        off,
+        math.copysign(limit, off),
+        (correction,),
+    )
 
 
 def _temperature(e: Estimate) -> NDArray[np.float64]:
@@ -109,53 +117,23 @@ def _temperature(e: Estimate) -> NDArray[np.float64]:
     return np.zeros(1) if e.run.temperature is None else e.run.temperature
 
 
-@dataclass(frozen=True)
-class _Deviation:
-    """Deviation of ln Ra25 and its limit [-]; logged and effective temperature [degC]."""
-
-    off: float
-    limit: float
-    logged: float
-    effective: float
-
-
-def _finding(e: Estimate, code: str, at: _Deviation, kind: str, correction: str) -> Finding:
-    return Finding(
-        code,
-        "refuse",
-        e.run.name,
-        "temperature_degC",
-        f"the logged mean is {at.logged:.4g} degC, but the resistance of this run corresponds to "
-        f"{at.effective:.3g} degC according to the other runs; {kind}",
-        "logarithm of Ra25 relative to the other runs",
-        at.off,
-        math.copysign(at.limit, at.off),
-        (correction,),
-    )
-
-
-def _common(sound: Sequence[Estimate]) -> list[Finding]:
+def _common(sound: Sequence[Estimate]) -> Iterator[Finding]:
     """Finding for a temperature that may be in degrees Fahrenheit in all runs."""
     logged = np.array([float(np.mean(_temperature(e))) for e in sound])
     raw = np.array([e.raw_resistance for e in sound])
     if np.ptp(logged) < _SPAN_K or logged.max() < 60.0:
-        return []
+        return
     slope, base = np.polyfit(logged - _REFERENCE, raw, 1)
     left = raw - base - slope * (logged - _REFERENCE)
     if np.sqrt(np.mean(left**2)) > _LINE * base or base <= 0.0:
-        return []
+        return
     coefficient = slope / base
     # The same line over degC, with T = 1.8 C + 32.
     celsius = 1.8 * slope / (base + slope * (1.8 * _REFERENCE + 32.0 - _REFERENCE))
-    if not (_FAHRENHEIT[0] < coefficient < _FAHRENHEIT[1] and _COPPERS[0] < celsius < _COPPERS[1]):
-        return []
-    run = sound[0].run
-    word = other_unit(run, "temperature_degC", "degF").removeprefix(f"{run.name}:")
-    return [
-        Finding(
-            "suspicious_unit",
-            "suspect",
-            "",
+    if _FAHRENHEIT[0] < coefficient < _FAHRENHEIT[1] and _COPPERS[0] < celsius < _COPPERS[1]:
+        run = sound[0].run
+        yield suspicious_unit(
+            run,
             "temperature_degC",
             "may be in degrees Fahrenheit in all runs: the temperature coefficient of the "
             f"resistance is {coefficient:.4f} per logged degree (copper: 0.0039 1/K), and "
@@ -163,7 +141,5 @@ def _common(sound: Sequence[Estimate]) -> list[Finding]:
             "temperature coefficient of the resistance [1/K]",
             float(coefficient),
             _FAHRENHEIT[1],
-            (word,),
-            separable=False,
+            word=other_unit(run, "temperature_degC", "degF"),
         )
-    ]

@@ -10,15 +10,14 @@ part that takes more than a moment.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import escape
 
 import pandas as pd
 
-from identification.checks.campaign import check_runs
+from identification.checks.campaign import check_runs, check_values
 from identification.checks.finding import Finding
-from identification.checks.values import check_values
 from identification.errors import IdentificationError, InputError, RunFileError
 from identification.fit.campaign import campaign_of
 from identification.ingest.file import Limits
@@ -28,8 +27,7 @@ from identification.ingest.run import Run, Source
 from identification.ingest.units import CHANNEL_QUANTITIES, FACTOR_QUANTITIES, canonical_unit
 from identification.model.excitation import Record
 from identification.preview.excitation import Excitation, excitation_of, joined
-from identification.preview.prospects import Prospect, interval_of, prospects_of
-from identification.preview.sampling import sampling_note
+from identification.preview.prospects import Prospect, interval_of, prospects_of, sampling_note
 
 __all__ = ["Preview", "check", "examine"]
 
@@ -87,9 +85,8 @@ class Preview:
             first = entries[0][1]
             if any(entry != first for _, entry in entries):
                 for file, entry in entries:
-                    if entry is None and name not in OPTIONAL_CHANNELS:
-                        continue
-                    single.setdefault(file, {})[name] = entry
+                    if entry is not None or name in OPTIONAL_CHANNELS:
+                        single.setdefault(file, {})[name] = entry
             elif first is not None:
                 common[name] = first
         return common | ({"files": single} if single else {})
@@ -123,7 +120,14 @@ class Preview:
                 for run, excitation in zip(self.runs, self.excitation, strict=True)
             ],
             "errors": [
-                _error_entry(one, error.file)
+                {
+                    "code": one.code if isinstance(one, RunFileError) else None,
+                    "message": one.message,
+                    "file": error.file,
+                    "row": one.row,
+                    "column": one.column,
+                    "examples": list(one.examples),
+                }
                 for error in self.errors
                 for one in (error, *error.further)
             ],
@@ -205,32 +209,30 @@ def examine(
     return Preview(tuple(runs), tuple(errors), verdict.findings, each, (), notes, records)
 
 
-def _notes(runs: Sequence[Run], total: Excitation) -> list[str]:
+def _notes(runs: Sequence[Run], total: Excitation) -> Iterator[str]:
     """Notes on what the excitation cannot show."""
-    notes = []
     if total.directions == 1:
-        notes.append(
+        yield (
             "the shaft turns in one direction only: dry friction, a constant load torque and an "
             "offset of the current sensor are not distinguishable; record both directions"
         )
     elif total.directions == 0:
-        notes.append("the shaft does not turn; record runs in which the motor is driven")
+        yield "the shaft does not turn; record runs in which the motor is driven"
     if total.temperature_degC is None:
-        notes.append(
+        yield (
             "no run has a temperature: Ra25 and Kt25 are those of an unknown temperature, and the "
             "speed loop at other temperatures follows from typical temperature coefficients"
         )
     if all(run.position is None for run in runs):
-        notes.append(
+        yield (
             "no run has a shaft angle (position_rad): cogging is found only where the integrated "
             "speed keeps the phase"
         )
     if len(runs) == 1:
-        notes.append(
+        yield (
             "there is one run only: record a second one for validation, with another course of "
             "the voltage"
         )
-    return notes
 
 
 def _mapped(source: Source | None) -> dict[str, object] | None:
@@ -266,15 +268,4 @@ def _run_entry(run: Run, excitation: Excitation) -> dict[str, object]:
             {"code": w.code, "message": w.message, "row": w.row, "column": w.column}
             for w in run.warnings
         ],
-    }
-
-
-def _error_entry(error: InputError, file: str | None) -> dict[str, object]:
-    return {
-        "code": error.code if isinstance(error, RunFileError) else None,
-        "message": error.message,
-        "file": file,
-        "row": error.row,
-        "column": error.column,
-        "examples": list(error.examples),
     }

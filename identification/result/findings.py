@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.admission import Admission
+from identification.checks.campaign import Admission
 from identification.checks.finding import Finding
-from identification.checks.resistance import heating_findings
+from identification.checks.plausible import heating_findings
 from identification.diagnosis.detection import Detection, detect
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.outliers import noise_without_outlying_runs, root_mean_square

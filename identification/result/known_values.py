@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final
 
-from identification.checks.correction import factor
+from identification.checks.finding import factor
 from identification.fit.identifiability import identified
 from identification.fit.knowledge import LIMIT, Comparison
 from identification.fit.solve import Fit

@@ -9,7 +9,7 @@ import pytest
 
 from identification.checks import check_runs
 from identification.checks.balance import signals_of
-from identification.checks.noise import NOISE_PROBABILITY, noise_probability
+from identification.checks.dead import NOISE_PROBABILITY, noise_probability
 from identification.ingest.run import Run
 from tests.motors import MOTORS, Motor, campaign, motor_named, run_of
 

@@ -3,7 +3,7 @@
 import pytest
 
 from identification.checks.finding import Finding
-from identification.checks.resistance import heating_findings, is_refuted, resistance_findings
+from identification.checks.plausible import heating_findings, is_refuted, resistance_findings
 
 TRUSTED = {"alpha_Ra": True}
 

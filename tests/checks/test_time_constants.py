@@ -9,7 +9,7 @@ import pytest
 from bench import EffectRequest, make_campaign
 from benchmarks.coverage import run_of
 from identification import FitOptions, identify
-from identification.checks.time_constants import time_constant_findings
+from identification.checks.plausible import time_constant_findings
 from identification.reporting.warnings import warning_groups
 
 TRUSTED = dict.fromkeys(("Ra25", "Kt25", "J", "L"), True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from app.commands.arguments import mapping_of
 from identification import errors
-from identification.checks.correction import factor, other_unit
+from identification.checks.finding import factor, other_unit
 from identification.ingest import MappingLike, Run, read_run
 from identification.preview import examine
 from tests.ingest.samples import motor, write

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from identification import errors
-from identification.checks.correction import exchange, factor
+from identification.checks.finding import exchange, factor
 from identification.ingest import read_run
 from identification.preview import check
 from tests.ingest.samples import Array, record, write

@@ -10,7 +10,7 @@ import pytest
 
 from identification.ingest.run import Run
 from identification.preview import Preview, check
-from identification.preview.sampling import sampling_note
+from identification.preview.prospects import sampling_note
 from tests.motors import NAMES, campaign, motor_named
 
 SERVO = motor_named("servo 100 W")

@@ -1,4 +1,4 @@
-"""Detection of reversed and exchanged channels by the signs of the balance coefficients.
+"""Detection of reversed, exchanged and unsigned channels by the coefficients of the balances.
 
 The coefficients R, K and J of a motor's balances are positive.  Each reversal or exchange of the
 three channels makes at least one of them negative or leaves a balance unexplained, and no two
@@ -14,6 +14,12 @@ sign of the current: a delay makes L alone negative, a reversed sensor R and L t
 has no electrical sign in this case.  A mechanical balance that holds with negative inertia and
 negative friction is then only a suspicion, since a brake controlled by its speed has the same
 signs.
+
+A magnitude keeps one sign while the voltage reverses.  It leaves the voltage balance unexplained,
+and the balance holds once the sign is restored.  The restored sign is that of the voltage minus the
+other term, so that a braked or reversed motor keeps its direction of rotation.  Signs and
+regression are computed alternately.  The speed keeps one sign between two standstills; the current
+may change its sign at any sample.
 """
 
 from __future__ import annotations
@@ -22,13 +28,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from identification.arrays import Array
-from identification.checks.balance import Balance, Regression, Signals, balances_of
-from identification.checks.correction import exchange, factor
-from identification.checks.finding import Finding
+from identification.checks.balance import Balance, Regression, Signals, balances_of, reverses
+from identification.checks.finding import Finding, exchange, factor
 from identification.ingest.run import Run
 
-__all__ = ["identity_findings"]
+__all__ = ["identity_findings", "magnitude_findings"]
 
 _ERRORS: Final = 5.0
 """Standard errors by which a coefficient has to be below zero.  None of 5,040 balances of simulated
@@ -40,6 +47,11 @@ _HOLDS: Final = 0.02
 """Unexplained fraction of the current up to which the mechanical balance holds."""
 _BETTER: Final = 0.25
 """Largest ratio of unexplained fractions after and before a correction, if no sign is wrong."""
+_UNSIGNED_MISSED: Final = 0.03
+_UNSIGNED_BETTER: Final = 0.35
+"""Largest ratio of the unexplained fractions with and without the restored sign."""
+_TURNS: Final = 4
+_STANDSTILL: Final = 0.05
 
 Exchange = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 
@@ -51,22 +63,15 @@ class _Hypothesis:
     code: str
     channels: tuple[str, ...]
     change: Exchange
-    words: str
 
 
 _HYPOTHESES: Final = (
-    _Hypothesis("reversed_channel", ("current_A",), lambda v, i, w: (v, -i, w), ""),
-    _Hypothesis("reversed_channel", ("speed_rad_s",), lambda v, i, w: (v, i, -w), ""),
-    _Hypothesis("reversed_channel", ("voltage_V",), lambda v, i, w: (-v, i, w), ""),
-    _Hypothesis(
-        "exchanged_channels", ("voltage_V", "speed_rad_s"), lambda v, i, w: (w, i, v), "speed"
-    ),
-    _Hypothesis(
-        "exchanged_channels", ("voltage_V", "current_A"), lambda v, i, w: (i, v, w), "current"
-    ),
-    _Hypothesis(
-        "exchanged_channels", ("current_A", "speed_rad_s"), lambda v, i, w: (v, w, i), "speed"
-    ),
+    _Hypothesis("reversed_channel", ("current_A",), lambda v, i, w: (v, -i, w)),
+    _Hypothesis("reversed_channel", ("speed_rad_s",), lambda v, i, w: (v, i, -w)),
+    _Hypothesis("reversed_channel", ("voltage_V",), lambda v, i, w: (-v, i, w)),
+    _Hypothesis("exchanged_channels", ("voltage_V", "speed_rad_s"), lambda v, i, w: (w, i, v)),
+    _Hypothesis("exchanged_channels", ("voltage_V", "current_A"), lambda v, i, w: (i, v, w)),
+    _Hypothesis("exchanged_channels", ("current_A", "speed_rad_s"), lambda v, i, w: (v, w, i)),
 )
 
 
@@ -105,14 +110,14 @@ def identity_findings(run: Run, signals: Signals) -> list[Finding]:
     if as_logged.turned == 0.0 and not is_poor:
         return []
     found = [(h, _judged(balances_of(_changed(signals, h)))) for h in _HYPOTHESES]
-    possible = [(h, j) for h, j in found if j is not None and j.turned == 0.0]
-    if as_logged.turned == 0.0:
-        possible = [(h, j) for h, j in possible if j.holds]
     # With a driven shaft, or current and speed in proportion, not every sign holds.
+    is_turned = as_logged.turned < 0.0
     possible = [
         (h, j)
-        for h, j in possible
-        if j.holds or (h.code == "reversed_channel" and not j.is_backwards)
+        for h, j in found
+        if j is not None
+        and j.turned == 0.0
+        and (j.holds or (is_turned and h.code == "reversed_channel" and not j.is_backwards))
     ]
     if not possible:
         return []
@@ -121,21 +126,20 @@ def identity_findings(run: Run, signals: Signals) -> list[Finding]:
         (pair for pair in possible if _BETTER * pair[1].missed <= least),
         key=lambda pair: (not pair[1].holds, pair[1].missed),
     )
-    if as_logged.turned == 0.0 and judged.missed > _BETTER * as_logged.missed:
+    if not is_turned and judged.missed > _BETTER * as_logged.missed:
         return []
     return [_finding(run, best, as_logged, judged)]
 
 
 def _finding(run: Run, best: _Hypothesis, before: _Judged, after: _Judged) -> Finding:
+    channel = best.channels[0]
     if best.code == "reversed_channel":
-        channel = best.channels[0]
         message = (
             "has the wrong sign: a coefficient of the voltage balance v = R i + K w is negative"
         )
         corrections: tuple[str, ...] = (factor(run, channel, -1.0),)
     else:
         first, second = best.channels
-        channel = first
         message = (
             f"{first} and {second} are exchanged: the equations of a motor hold only with the two "
             "columns swapped"
@@ -194,3 +198,73 @@ def _is_turned(electrical: Regression, k: int) -> bool:
     """Whether R, K or L is significantly negative; L only if R is negative as well."""
     is_negative = electrical.is_negative(k, _ERRORS, _SHARE)
     return is_negative and (k != 2 or bool(electrical.values[0] < 0.0))
+
+
+def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
+    """Findings for channels of a run that hold magnitudes."""
+    unsigned = [
+        name
+        for name, signal in (("current_A", signals.current), ("speed_rad_s", signals.speed))
+        if not reverses(signal) and np.ptp(signal) > 0.0
+    ]
+    if not unsigned or not reverses(signals.voltage):
+        return []
+    before = _missed(signals)
+    choices = [[name] for name in unsigned] + ([unsigned] if len(unsigned) == 2 else [])
+    for names in choices:
+        after = _missed(_signed(signals, names))
+        if before > _UNSIGNED_MISSED and after < _UNSIGNED_BETTER * before:
+            return [
+                Finding(
+                    "unsigned_channel",
+                    "refuse",
+                    run.name,
+                    name,
+                    "contains magnitudes: it keeps one sign while the voltage reverses, and the "
+                    "voltage balance holds only with the sign restored; log the signed value, a "
+                    "motor cannot be identified from magnitudes",
+                    "unexplained fraction of the voltage variance",
+                    before,
+                    max(after / _UNSIGNED_BETTER, _UNSIGNED_MISSED),
+                )
+                for name in names
+            ]
+    return []
+
+
+def _missed(signals: Signals) -> float:
+    """Least unexplained fraction of the voltage over the window lengths, with positive R and K."""
+    fits = [b.electrical for b in balances_of(signals)]
+    shares = [f.missed for f in fits if f is not None and f.values[0] > 0 and f.values[1] > 0]
+    return min(shares, default=1.0)
+
+
+def _signed(signals: Signals, names: list[str]) -> Signals:
+    """Signals with signs restored from the voltage balance."""
+    sign = np.where(signals.voltage < 0.0, -1.0, 1.0)
+    current = sign * signals.current if "current_A" in names else signals.current
+    speed = signals.speed
+    if "speed_rad_s" in names:
+        speed = _by_region(signals.speed, sign)
+    for _ in range(_TURNS):
+        balances: list[Balance] = balances_of(replace(signals, current=current, speed=speed))
+        fit = balances[-1].electrical if balances else None
+        if fit is None:
+            break
+        resistance, constant = max(float(fit.values[0]), 0.0), max(float(fit.values[1]), 0.0)
+        if "current_A" in names:
+            left = signals.voltage - constant * speed
+            current = np.where(left < 0.0, -1.0, 1.0) * signals.current
+        if "speed_rad_s" in names:
+            speed = _by_region(signals.speed, signals.voltage - resistance * current)
+    return replace(signals, current=current, speed=speed)
+
+
+def _by_region(speed: Array, drive: Array) -> Array:
+    """Speed with one sign between two standstills, that of the mean drive there."""
+    moving = np.abs(speed) > _STANDSTILL * float(np.abs(speed).max())
+    edges = np.flatnonzero(np.diff(moving.astype(np.int8))) + 1
+    starts = np.concatenate(([0], edges))
+    total = np.add.reduceat(drive, starts)
+    sign = np.where(total < 0.0, -1.0, 1.0)
+    return np.asarray(speed * np.repeat(sign, np.diff(np.append(starts, speed.size))))
