@@ -218,7 +218,7 @@ class AnalysisService:
         self, caller: Caller, motor: str, *, limit: int
     ) -> tuple[list[StoredFit], list[Refit]]:
         """Newest fits of a motor, and the compared parts of the succeeded ones, newest first."""
-        fits, _ = self._fits.page(caller, after=None, limit=limit, status=None, motor=motor)
+        fits, _ = self._fits.page(caller, after=None, limit=limit, motor=motor)
         rows = [fit.row for fit in fits if fit.row.status == "succeeded"]
         return fits, refits_of(self._storage, rows, {})
 

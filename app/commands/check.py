@@ -146,11 +146,9 @@ def _print_run(console: Console, run: Mapping[str, Any]) -> None:
     excitation = run["excitation"]
     duration = number_text(excitation["duration_s"])
     rate = number_text(run["sample_rate_hz"])
-    table = table_with(
-        f"{run['file']}: {run['rows']} samples, {rate} Hz, {duration} s", "channel", "column"
-    )
-    for name in ("unit", "scale", "offset", "range"):
-        table.add_column(name, justify="right")
+    title = f"{run['file']}: {run['rows']} samples, {rate} Hz, {duration} s"
+    right = ("unit", "scale", "offset", "range")
+    table = table_with(title, "channel", "column", right=right)
     is_derived = any("method" in channel for channel in run["channels"].values())
     if is_derived:
         table.add_column("method")
@@ -185,11 +183,8 @@ def _print_run(console: Console, run: Mapping[str, Any]) -> None:
 
 
 def _prospects(parameters: Mapping[str, Mapping[str, Any]]) -> Table:
-    table = table_with(
-        "Precision to expect from these runs if the nominal model is complete", "name", "unit"
-    )
-    for name in ("estimate", "90 % interval"):
-        table.add_column(name, justify="right")
+    title = "Precision to expect from these runs if the nominal model is complete"
+    table = table_with(title, "name", "unit", right=("estimate", "90 % interval"))
     table.add_column("identified")
     table.add_column("to improve it")
     for name, entry in parameters.items():

@@ -124,9 +124,7 @@ def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
     from identification.reporting.tables import feedback_tables
 
     for found in feedback_tables(entries):
-        table = table_with(f"Speed loop, {found.controller}", "metric")
-        for temperature in found.temperatures:
-            table.add_column(temperature, justify="right")
+        table = table_with(f"Speed loop, {found.controller}", "metric", right=found.temperatures)
         table.add_row("Stability", *(words.partition(";")[0] for words in found.statements))
         for label, unit, cells in found.rows:
             table.add_row(f"{label} [{unit}]", *map(_interval, cells))
@@ -149,21 +147,21 @@ def results_console() -> Console:
     return Console(file=sys.stdout, width=width, markup=False, highlight=False, emoji=False)
 
 
-def table_with(title: str, *left: str) -> Table:
-    """Table without lines, with left-aligned columns."""
+def table_with(title: str, *left: str, right: Sequence[str] = ()) -> Table:
+    """Table without lines, with left-aligned columns, then right-aligned ones."""
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for name in left:
         # Names are needed in full, for options such as --map.
         table.add_column(name, overflow="fold")
+    for name in right:
+        table.add_column(name, justify="right")
     return table
 
 
 def _parameters(result: Mapping[str, Any]) -> Table:
     from identification.result.entries import known_only_from
 
-    table = table_with("Parameters", "name", "unit")
-    for name in ("median", "90 % interval"):
-        table.add_column(name, justify="right")
+    table = table_with("Parameters", "name", "unit", right=("median", "90 % interval"))
     table.add_column("identified")
     entries: dict[str, Mapping[str, Any]] = dict(result["parameters"])
     for effect in result.get("effects") or ():

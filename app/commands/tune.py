@@ -166,10 +166,9 @@ def _table(found: Mapping[str, Any]) -> Table:
     """Probability and, for each required metric, its worst quantile over the temperatures."""
     from app.commands.console import table_with
 
-    table = table_with("Controllers", "controller")
     names = [name for name in found["controllers"][0]["temperatures"][0] if name in _LABELS]
-    for label in ("probability", *(_LABELS[name] for name in names)):
-        table.add_column(label, justify="right")
+    labels = ["probability", *(_LABELS[name] for name in names)]
+    table = table_with("Controllers", "controller", right=labels)
     for entry in found["controllers"]:
         cells = []
         for name in names:

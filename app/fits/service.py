@@ -88,24 +88,15 @@ class FitService:
         return StoredFit(row, request.training, request.validation)
 
     def page(
-        self,
-        caller: Caller,
-        *,
-        after: str | None,
-        limit: int,
-        status: str | None,
-        motor: str | None,
+        self, caller: Caller, *, after: str | None, limit: int, **equal: str | None
     ) -> tuple[list[StoredFit], str | None]:
-        """Page of fits, newest first, and the cursor of the next page, if any."""
+        """Page of fits, newest first, and the cursor of the next page, if any.
+
+        `equal` are values of `status` and `motor`, of which None selects all.
+        """
         with self._database.reading() as session:
             rows, following = queries.page(
-                session,
-                FitRow,
-                caller.workspace,
-                after=after,
-                limit=limit,
-                status=status,
-                motor=motor,
+                session, FitRow, caller.workspace, after=after, limit=limit, **equal
             )
             ids = repository.run_ids(session, [row.id for row in rows])
         return [self._fit(row, ids[row.id]) for row in rows], following

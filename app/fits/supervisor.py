@@ -159,14 +159,9 @@ class Supervisor:
             self._conclude(attempt, end)
         elif time.monotonic() - attempt.began > self._settings.fit_wall_s:
             attempt.running.kill()
-            limit = f"{self._settings.fit_wall_s:g} s"
-            self._fail(
-                attempt,
-                {
-                    "code": "time",
-                    "detail": f"the fit exceeded the time limit of {limit} (MOTORID_FIT_WALL_S)",
-                },
-            )
+            limit = f"{self._settings.fit_wall_s:g} s (MOTORID_FIT_WALL_S)"
+            detail = f"the fit exceeded the time limit of {limit}"
+            self._fail(attempt, {"code": "time", "detail": detail})
         else:
             self._renew(attempt)
 

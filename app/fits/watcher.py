@@ -127,19 +127,17 @@ class Watcher:
         """Poll at intervals while there are listeners, until cancelled."""
         while True:
             await anyio.sleep(_LOOK_S)
-            if self._fits:
-                await self._try()
-
-    async def _try(self) -> None:
-        try:
-            await self._look()
-        except Exception:  # noqa: BLE001  an exception here would end the service
-            # Log only the first of consecutive failures, since polls are frequent.
-            if not self._is_failing:
-                _log.exception("event streams wait for the database")
-            self._is_failing = True
-        else:
-            self._is_failing = False
+            if not self._fits:
+                continue
+            try:
+                await self._look()
+            except Exception:  # noqa: BLE001  an exception here would end the service
+                # Log only the first of consecutive failures, since polls are frequent.
+                if not self._is_failing:
+                    _log.exception("event streams wait for the database")
+                self._is_failing = True
+            else:
+                self._is_failing = False
 
     async def _look(self) -> None:
         versions = {i: fit.row.version for i, fit in self._fits.items() if fit.row is not None}

@@ -13,9 +13,8 @@ import base64
 import hashlib
 import os
 import re
-from collections.abc import Mapping
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import FileResponse
@@ -33,25 +32,13 @@ _INLINE = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 class OpenFileResponse(FileResponse):
     """Response that sends an open file, or the part requested by a Range header, and closes it.
 
-    Without a file name the browser displays the content.
+    The options are those of `FileResponse`; without a file name the browser displays the content.
     """
 
-    def __init__(
-        self,
-        file: BinaryIO,
-        *,
-        media_type: str,
-        filename: str | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> None:
-        super().__init__(
-            # Path of the open descriptor, valid even if the file has been deleted.
-            f"/dev/fd/{file.fileno()}",
-            headers=headers,
-            media_type=media_type,
-            filename=filename,
-            stat_result=os.fstat(file.fileno()),
-        )
+    def __init__(self, file: BinaryIO, **options: Any) -> None:
+        # The path of the open descriptor is valid even if the file has been deleted.
+        path = f"/dev/fd/{file.fileno()}"
+        super().__init__(path, stat_result=os.fstat(file.fileno()), **options)
         self._file = file
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

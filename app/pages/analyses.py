@@ -200,9 +200,7 @@ def compare_page(
 ) -> HTMLResponse:
     """Two fits side by side, the older one first, and a form to select others."""
     chosen = [one for one in dict.fromkeys(fit or ()) if one]
-    choices, _ = services.fits.page(
-        caller, after=None, limit=_MOST_FITS, status="succeeded", motor=None
-    )
+    choices, _ = services.fits.page(caller, after=None, limit=_MOST_FITS, status="succeeded")
     listed = [fit_view(FitSummary.of(one), {}) for one in choices]
     problem, comparison, compared = "", None, []
     if len(chosen) == 2:

@@ -37,7 +37,7 @@ def home(
     page: Page, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
 ) -> HTMLResponse:
     """Start page with runs, fits and batches."""
-    fits, _ = services.fits.page(caller, after=None, limit=100, status=None, motor=None)
+    fits, _ = services.fits.page(caller, after=None, limit=100)
     batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
     return page(
         "home",
