@@ -75,6 +75,9 @@ class TerminationLimits:
     reference: float = np.inf
     """Cost of a better model, with which the fit is compared.  The fit has converged when the
     predicted gain of a step is below 1/500 of the difference."""
+    sufficient: float = -np.inf
+    """Cost below which the fit ends with the first step that gains less than 1 in log likelihood,
+    because only this comparison matters."""
 
     @property
     def over(self) -> bool:
@@ -84,6 +87,10 @@ class TerminationLimits:
     def enough(self, cost: float) -> float:
         """Predicted gain in log likelihood below which the fit has converged."""
         return max(_ENOUGH, _DECISIVE * (cost - self.reference))
+
+    def ends_with(self, before: float, cost: float) -> bool:
+        """Whether the fit ends with a step that changed its cost."""
+        return cost < self.sufficient and before - cost < 1.0
 
 
 @dataclass(frozen=True)
@@ -238,8 +245,11 @@ def optimised(
         if not following.is_finite:
             # The cost is finite but its derivatives are not: no further step can be computed.
             break
-        at, x0, cost, weighting, equations = moved, moved_x0, float(costs[best]), sized, following
+        before, cost = cost, float(costs[best])
+        at, x0, weighting, equations = moved, moved_x0, sized, following
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
+        if limits.ends_with(before, cost):
+            break
     converged |= equations.decrement_within(at, coordinates) < limits.enough(cost)
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
 

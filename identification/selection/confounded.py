@@ -24,7 +24,8 @@ and all parameters are fitted from there.  With a small dry friction a shaft at 
 the whole one it sticks, so that the two optima are apart.  If the log likelihood falls by less than
 the limit, the runs do not exclude this optimum.  With its loss d and its parameter step m, the
 covariance grows by m m' / max(2 d, 1).  An optimum that the subset of long records excludes counts
-as excluded.  Any other is refitted to all samples, up to 100,000 of them.
+as excluded.  Any other is refitted to all samples, up to 100,000 of them, until a step gains less
+than 1 below the limit; the loss is then that of the optimum that the next step predicts.
 
 Source: Schmidt, in Advances in Control Systems 3 (1966), 293-340 (consider covariance); Venzon and
 Moolgavkar, Applied Statistics 37 (1988), 87-94 (profile likelihood); Wilks, Annals of Mathematical
@@ -207,15 +208,20 @@ def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[Omi
         # Fitting the subset's noise gains 0.5 per parameter on average; allow twice that.
         limit = final.limit(part) + (0 if part is whole else part.position.size)
         limits = TerminationLimits(DEFAULT.steps, part.cost + limit / fraction)
+        if part is not whole:
+            base = _bounded(base, rival.parameter, DEFAULT.least_lag)  # noqa: PLW2901
+            limits = replace(limits, sufficient=limits.abandon_cost)
         fit = _fitted_from(base, values, rival.small.term, rival.swapped, limits)
         loss = fraction * (fit.cost - part.cost)
         if not loss < limit:
             continue
-        limit = final.limit(whole)
+        limit, known = final.limit(whole), part
         if part is not whole and _rows(whole) <= DEFAULT.confirmed_samples:
-            limits = TerminationLimits(DEFAULT.steps, whole.cost + limit / fraction)
-            fit = fitted_to(whole.simulator.records, fit, limits)
-            loss = fraction * (fit.cost - whole.cost)
+            known, cost = whole, whole.cost + limit / fraction
+            limits = TerminationLimits(DEFAULT.steps, cost, sufficient=cost)
+            fit = fitted_to(whole.simulator.records, _moved(fit, part, whole), limits)
+        if part is not whole:
+            loss = fraction * (_least_cost(fit) - known.cost)
         if loss < limit:
             there = fit.by_name
             moved = whole.moved_to(there).position
@@ -223,6 +229,34 @@ def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[Omi
             own = rival.small.term.parameters[0]
             time = None if own.vanishes else there[f"{rival.small.term.name}.{own.name}"]
             yield final.term(rival, step, -loss, limit, time)
+
+
+def _bounded(fit: Fit, name: str, share: float) -> Fit:
+    """The fit with a parameter bounded below by a share of its value.
+
+    No run determines a lag far below the sample interval, so a fit can lower it without end, and
+    the model becomes stiff.
+    """
+    parameters = [
+        replace(p, lower=max(p.lower, share * fit.by_name[name])) if p.name == name else p
+        for p in fit.coordinates.parameters
+    ]
+    return replace(fit, coordinates=Coordinates(parameters))
+
+
+def _least_cost(fit: Fit) -> float:
+    """Cost of the optimum of a fit, predicted by the next step if the fit ended before it."""
+    if fit.converged:
+        return fit.cost
+    return fit.cost - fit.equations.decrement_within(fit.position, fit.coordinates)
+
+
+def _moved(fit: Fit, part: Fit, whole: Fit) -> Fit:
+    """The fit on a subset, moved by the difference of the final fits on all samples and on it."""
+    moves = dict(zip(whole.coordinates.names, whole.position - part.position, strict=True))
+    own = fit.coordinates
+    position = fit.position + np.array([moves.get(name, 0.0) for name in own.names])
+    return replace(fit, position=np.clip(position, own.lower, own.upper))
 
 
 def _fitted_from(

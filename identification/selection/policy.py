@@ -128,6 +128,9 @@ class SelectionPolicy:
     sqrt(1.1^2 - 1)."""
     remaining_lag: float = 0.1
     """Fraction of the motor's lag that is left if the sensor has the rest [-]."""
+    least_lag: float = 0.01
+    """Least fraction of the motor's lag that a fit of long records leaves [-]; no run distinguishes
+    less from none."""
     small_lag: float = 0.2
     """Fraction of the lag that is small enough for first order [-]."""
     confirmed_samples: int = 100_000

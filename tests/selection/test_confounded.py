@@ -96,6 +96,28 @@ def test_optimum_with_the_lag_in_the_sensor_is_the_true_motor() -> None:
     )
 
 
+def test_long_record_shows_the_same_optimum_with_the_lag_in_the_sensor() -> None:
+    """The same motor in 16,000 samples: fitted to a subset, then moved to all samples."""
+    hidden = make_campaign(
+        "coreless_10w",
+        [EffectRequest("current_filter", size=0.4)],
+        seed=1,
+        rows=8000,
+        training=2,
+    )
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    term = next(term for term in confounded_terms(fit) if term.parameter == "L")
+    row = fit.coordinates.names.index("L")
+
+    moved = fit.position + np.array([term.steps[name] for name in fit.coordinates.names])
+
+    assert term.name == "current_filter"
+    assert term.time == pytest.approx(4e-3, rel=0.02)
+    assert fit.coordinates.values(moved)[row] == pytest.approx(
+        hidden.truth["parameters"]["L"], rel=0.2
+    )
+
+
 @pytest.mark.parametrize("motor", ["coreless 10 W", "servo 100 W", "ferrite 50 W", "pump 2 kW"])
 def test_inductance_of_a_resolved_transient_stays_narrow(motor: str) -> None:
     """Speed and current together separate winding and sensor: L is correct within 5 %."""

@@ -229,3 +229,19 @@ def test_a_law_that_is_no_candidate_starts_at_its_values_in_a_rival() -> None:
 
     assert found.simulator.model.terms == (bodies,)
     assert found.cost < declared.cost
+
+
+def test_fit_below_a_sufficient_cost_ends_with_a_slight_step() -> None:
+    """Near the optimum each step gains less than the one before: less than 1 is left to gain."""
+    declared = fit_declared(campaign("brush_drop", 0.03, seed=35).training, "zoh")
+    best = screened(declared, BrushDrop.candidates(scales_of(declared)))[0]
+    spent, fits = [], []
+    for sufficient in (-np.inf, np.inf):
+        limits = TerminationLimits(sufficient=sufficient)
+        with metered():
+            fits.append(refitted_with(declared, best.candidate.final, best.starts, limits))
+            spent.append(operations())
+
+    converged, ended = fits
+    assert 0.0 <= ended.cost - converged.cost < 1.0
+    assert spent[1] < spent[0]
