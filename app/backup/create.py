@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import sqlite3
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
@@ -133,29 +133,27 @@ def _copy_of(source: Path, file: Path) -> sqlite3.Connection:
     return copy
 
 
+@dataclass
 class _Files:
     """Transfer of the files that a database copy refers to into a backup."""
 
-    def __init__(
-        self, source: Path, copy: sqlite3.Connection, storage: Storage, into: AbstractTarget
-    ) -> None:
-        self._source = source
-        self._copy = copy
-        self._storage = storage
-        self._into = into
-        self._sums: dict[str, str] = {}
+    source: Path
+    copy: sqlite3.Connection
+    storage: Storage
+    into: AbstractTarget
+    sums: dict[str, str] = field(default_factory=dict)
 
     def add_all(self) -> dict[str, str]:
-        for run_id, sha256 in self._copy.execute("SELECT id, sha256 FROM runs").fetchall():
+        for run_id, sha256 in self.copy.execute("SELECT id, sha256 FROM runs").fetchall():
             self._add_run(run_id, sha256)
         query = "SELECT id, attempt FROM fits WHERE status = 'succeeded'"
-        for fit_id, attempt in self._copy.execute(query).fetchall():
+        for fit_id, attempt in self.copy.execute(query).fetchall():
             self._add_fit(fit_id, attempt)
-        self._copy.commit()
-        return self._sums
+        self.copy.commit()
+        return self.sums
 
     def _add_run(self, run_id: str, sha256: str) -> None:
-        path = self._storage.run(run_id)
+        path = self.storage.run(run_id)
         digest = self._add(f"runs/{run_id}", path)
         if digest is None:
             self._strike("runs", run_id, path)
@@ -166,10 +164,10 @@ class _Files:
                 f"same file again, or delete the run {run_id}",
                 file=str(path),
             )
-        self._sums[f"runs/{run_id}"] = digest
+        self.sums[f"runs/{run_id}"] = digest
 
     def _add_fit(self, fit_id: str, attempt: int) -> None:
-        directory = self._storage.attempt(fit_id, attempt)
+        directory = self.storage.attempt(fit_id, attempt)
         expected, written = expected_outputs(directory), sums_of(directory)
         for output in (*OUTPUTS, OUTPUT_SUMS):
             name, path = f"fits/{fit_id}/{attempt}/{output}", directory / output
@@ -177,7 +175,7 @@ class _Files:
             if digest is not None:
                 # If the fit was deleted meanwhile, its copied files have no row; a sweep after the
                 # restore removes them.
-                self._sums[name] = digest
+                self.sums[name] = digest
             elif output in expected:
                 self._strike("fits", fit_id, path)
             if digest is not None and written.get(output, digest) != digest:
@@ -204,7 +202,7 @@ class _Files:
                 file=str(path),
             ) from error
         with source:
-            return self._into.add(name, source)
+            return self.into.add(name, source)
 
     def _strike(self, table: str, row_id: str, path: Path) -> None:
         """Delete from the copy a row that was meanwhile deleted from the live database.
@@ -213,7 +211,7 @@ class _Files:
             InputError: The live database still has the row, so its file is lost.
         """
         query = f"SELECT 1 FROM {table} WHERE id = ?"  # noqa: S608  one of two names
-        with contextlib.closing(sqlite3.connect(self._source, timeout=_BUSY_S)) as live:
+        with contextlib.closing(sqlite3.connect(self.source, timeout=_BUSY_S)) as live:
             is_known = live.execute(query, (row_id,)).fetchone() is not None
         if is_known:
             raise InputError(
@@ -221,4 +219,4 @@ class _Files:
                 "or delete it over HTTP (uploading the same file again restores a run)",
                 file=str(path),
             )
-        self._copy.execute(f"DELETE FROM {table} WHERE id = ?", (row_id,))  # noqa: S608
+        self.copy.execute(f"DELETE FROM {table} WHERE id = ?", (row_id,))  # noqa: S608

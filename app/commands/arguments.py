@@ -49,10 +49,6 @@ def _is_number(word: str) -> bool:
     return re.fullmatch(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?", word) is not None
 
 
-def _is_word(word: str) -> bool:
-    return not word.startswith("-")
-
-
 class SeveralWords(typer.core.TyperCommand):
     """Command whose options may take a variable number of values.
 
@@ -61,7 +57,7 @@ class SeveralWords(typer.core.TyperCommand):
     """
 
     several: ClassVar[dict[str, Callable[[str], bool]]] = {
-        "--validation": _is_word,
+        "--validation": lambda word: not word.startswith("-"),
         "--temperature": _is_number,
         "--controller": lambda word: re.match(r"(?i)[a-z+]{1,5}:", word) is not None,
         "--kind": lambda word: re.fullmatch(r"(?i)p|pi|pi\+ff|pid", word) is not None,

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 from rich.table import Table
 
-from identification.result.numbers import UNKNOWN, Interval, entry_text, unit_text
+from identification.result.numbers import UNKNOWN, Interval, entry_text, probability_text, unit_text
 
 __all__ = [
     "Progress",
@@ -104,7 +104,8 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
         console.print(sentence)
     console.print(_parameters(result))
     for effect in result.get("effects") or ():
-        console.print(_effect(effect))
+        chance = probability_text(effect["probability"])
+        console.print(f"{effect['name']} ({effect['equation']}), probability {chance}")
     console.print(_errors(result))
     print_feedback(result["feedback"])
     for file in _FILES.values():
@@ -176,13 +177,6 @@ def _parameters(result: Mapping[str, Any]) -> Table:
             known_only_from(entry) or ("yes" if entry["identified"] else "NO"),
         )
     return table
-
-
-def _effect(effect: Mapping[str, Any]) -> str:
-    from identification.result.numbers import probability_text
-
-    chance = probability_text(effect["probability"])
-    return f"{effect['name']} ({effect['equation']}), probability {chance}"
 
 
 def _errors(result: Mapping[str, Any]) -> Table:

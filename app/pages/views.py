@@ -31,7 +31,8 @@ def run_view(run: RunOut) -> dict[str, Any]:
         "rows": f"{run.rows:,}".replace(",", "\u202f"),
         "rate": f"{run.sample_rate_hz:.4g} Hz",
         "length": duration(run.duration_s),
-        "ranges": {name: _range(run, name) for name in _CHANNELS},
+        "ranges": dict.fromkeys(_CHANNELS, _NONE)
+        | {n: span(n, c.min, c.max) for n, c in run.channels.items() if n in _CHANNELS},
         "warnings": [located(w.model_dump()) for w in run.warnings],
         "created_at": run.created_at,
         "received": when(run.created_at),
@@ -80,13 +81,6 @@ def located(entry: Mapping[str, Any]) -> str:
     """Message of an error or a warning after the row and the column that it concerns."""
     position = [f"{name} {entry[name]}" for name in ("row", "column") if entry.get(name)]
     return ": ".join([*([", ".join(position)] if position else []), entry["message"]])
-
-
-def _range(run: RunOut, name: str) -> str:
-    channel = run.channels.get(name)
-    if channel is None:
-        return _NONE
-    return span(name, channel.min, channel.max)
 
 
 def _option(value: object) -> str:
