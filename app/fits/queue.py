@@ -108,7 +108,7 @@ class FitQueue:
     def unclaim(self, fit_id: str, attempt: int) -> None:
         """Requeue a fit whose attempt could not be started; the attempt is not counted."""
         with self._database.writing() as session:
-            repository.unclaim(session, fit_id, attempt)
+            repository.put_back(session, fit_id, attempt, attempt=attempt - 1)
 
     def put_back(self, fit_id: str, attempt: int, failures: int) -> None:
         """Requeue a fit after an attempt without a result."""
@@ -137,9 +137,8 @@ class FitQueue:
                 self.give_up(row.id, row.attempt, {"code": "interrupted", "detail": detail})
                 continue
             with self._database.writing() as session:
-                repository.put_back(
-                    session, row.id, row.attempt, failures=row.failures, interruptions=1
-                )
+                kills = FitRow.interruptions + 1
+                repository.put_back(session, row.id, row.attempt, interruptions=kills)
             _log.warning("fit taken over", extra={"fit": row.id, "attempt": row.attempt})
 
     def _job(self, session: Session, row: FitRow) -> FitJob:

@@ -18,7 +18,6 @@ from app.tables import FitRow, FitRunRow
 
 __all__ = [
     "ENDED",
-    "RELEASED",
     "add",
     "cancel",
     "changes",
@@ -30,14 +29,15 @@ __all__ = [
     "remove",
     "renew",
     "run_ids",
-    "unclaim",
 ]
 
 ENDED = ("succeeded", "failed", "cancelled")
 """Final states of a fit."""
 
-RELEASED: dict[str, Any] = {"owner": None, "lease_until": None}
-"""Columns of a fit that no server holds."""
+_RELEASED: dict[str, Any] = {
+    "owner": None,
+    "lease_until": None,
+}  # columns of a fit that no server holds
 
 
 def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
@@ -93,7 +93,7 @@ def cancel(session: Session, wanted: str, now: float, *, of_batch: bool = False)
         and_(column == wanted, FitRow.status.not_in(ENDED)),
         status="cancelled",
         ended_at=now,
-        **RELEASED,
+        **_RELEASED,
     )
 
 
@@ -165,38 +165,23 @@ def finish(
         status=status,
         error=error,
         ended_at=now,
-        **RELEASED,
+        **_RELEASED,
         **values,
     )
     same = select(FitRow.id).filter_by(id=fit_id, attempt=attempt, status=status)
     return bool(is_done) or session.scalars(same).one_or_none() is not None
 
 
-def unclaim(session: Session, fit_id: str, attempt: int) -> bool:
-    """Requeue a fit whose attempt never started; the attempt is not counted."""
-    return 0 < _changed(
-        session,
-        _current(fit_id, attempt),
-        status="queued",
-        stage="queued",
-        attempt=attempt - 1,
-        **RELEASED,
-    )
-
-
-def put_back(
-    session: Session, fit_id: str, attempt: int, *, failures: int, interruptions: int = 0
-) -> bool:
-    """Requeue a fit after an attempt without a result, and add the server kills to its count."""
+def put_back(session: Session, fit_id: str, attempt: int, /, **changes: Any) -> bool:
+    """Requeue a fit after an attempt without a result; `changes` are values of further columns."""
     return 0 < _changed(
         session,
         _current(fit_id, attempt),
         status="queued",
         stage="queued",
         fraction=0.0,
-        failures=failures,
-        interruptions=FitRow.interruptions + interruptions,
-        **RELEASED,
+        **_RELEASED,
+        **changes,
     )
 
 
