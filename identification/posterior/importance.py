@@ -11,6 +11,7 @@ smoothed importance sampling.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -28,6 +29,11 @@ _LEAST_DRAWS: Final = 1000
 _FREEDOM: Final = 5.0
 _INFLATION: Final = 1.1
 _BATCH: Final = 512
+_PILOT: Final = 2 * _BATCH
+"""Draws after which the shape is estimated for the first time."""
+_PILOT_SD: Final = 3.0
+"""Standard deviations by which that estimate exceeds the reliable shape if more draws are in
+vain."""
 _LEAST_TAIL: Final = 5
 
 
@@ -58,22 +64,41 @@ def largest_shape(draws: int) -> float:
 def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np.inf) -> Weighted:
     """Draws from the posterior by importance resampling.
 
-    At least a thousand draws are made, whatever the operation budget.
+    At least a thousand draws are made, whatever the operation budget.  No more than `_PILOT` are
+    made if their shape shows that all draws would not be reliable either.
     """
     draws = int(np.clip(_BATCH * work / posterior.work(_BATCH), _LEAST_DRAWS, _DRAWS))
     proposal = StudentProposal(posterior.centre, _INFLATION * posterior.covariance(), _FREEDOM)
     random = np.random.RandomState(seed)  # noqa: NPY002
     centres = np.repeat(posterior.centre[None, :], draws, axis=0)
     points, ratios = proposal(centres, random)
-    density = np.concatenate(
-        [posterior(points[first : first + _BATCH]) for first in range(0, draws, _BATCH)]
-    )
-    weights, shape = smoothed(density + ratios)
+    density = np.zeros(0)
+    while density.size < draws:
+        density = np.append(density, posterior(points[density.size : density.size + _BATCH]))
+        if density.size == _PILOT and _is_hopeless(smoothed(density + ratios[:_PILOT])[1]):
+            draws = _PILOT
+    weights, shape = smoothed(density + ratios[:draws])
     # Systematic resampling: each point appears as often as its weight requires, within one.
     places = (np.arange(count) + random.random_sample()) / count
     chosen = np.searchsorted(np.cumsum(weights), places).clip(max=draws - 1)
     chosen = random.permutation(chosen)
     return Weighted(points[chosen], density[chosen], shape, draws)
+
+
+def _is_hopeless(shape: float) -> bool:
+    """Whether the Pareto shape of the pilot draws excludes that all draws are reliable.
+
+    The estimate from m excesses has the standard deviation (1 + k) / sqrt(m).
+
+    Source: Smith, Annals of Statistics 15 (1987), 1174-1207 (generalised Pareto tails).
+    """
+    largest = largest_shape(_DRAWS)
+    return shape > largest + _PILOT_SD * (1.0 + largest) / math.sqrt(_tail(_PILOT))
+
+
+def _tail(count: int) -> int:
+    """Number of the largest weights that are smoothed."""
+    return int(np.ceil(min(0.2 * count, 3.0 * np.sqrt(count))))
 
 
 def smoothed(log_weights: Array) -> tuple[Array, float]:
@@ -87,7 +112,7 @@ def smoothed(log_weights: Array) -> tuple[Array, float]:
     if not finite.any():
         return np.full(count, 1.0 / count), np.inf
     weights = np.where(finite, np.exp(log_weights - log_weights[finite].max()), 0.0)
-    length = int(np.ceil(min(0.2 * count, 3.0 * np.sqrt(count))))
+    length = _tail(count)
     order = np.argsort(weights)
     tail = order[-length:]
     threshold = weights[order[-length - 1]]

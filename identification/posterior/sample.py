@@ -51,6 +51,12 @@ _REPLACED: Final = 2000
 _TRIAL: Final = 300
 """Steps after which a chain is abandoned if the step limit is too low for its convergence."""
 _RESOLUTION: Final = 0.01
+_FIRST_TRIAL: Final = 40
+"""Steps after which a chain is abandoned at the earliest, and a quarter of its step limit."""
+_HOPELESS: Final = 4.0
+"""Length that a chain needs, over its step limit, at which it is abandoned before `_TRIAL` steps.
+Walkers that still approach the posterior lengthen the autocorrelation time; a factor of four leaves
+room for them."""
 
 
 @dataclass(frozen=True)
@@ -106,9 +112,10 @@ def sample(
     affordable = work / posterior.work(walkers)
     # No chain of fewer steps converges; they serve for its diagnostics alone.
     affordable = affordable if affordable >= _LEAST_STEPS else _GLIMPSE
+    limit = min(most_steps, affordable)
     if done:
         state = sampler.get_last_sample()
-    while done < min(most_steps, affordable):
+    while done < limit:
         state = sampler.run_mcmc(state, _CHUNK, skip_initial_state_check=True)
         done += _CHUNK
         tau = float(np.max(autocorrelation_times(sampler.get_chain())))
@@ -116,9 +123,8 @@ def sample(
             goal = (
                 max(_LEAST_STEPS, 1.25 * REQUIRED_LENGTH * tau) if np.isfinite(tau) else most_steps
             )
-            progress(min(1.0, done / min(goal, most_steps, affordable)))
-        if done >= _TRIAL and not 1.25 * REQUIRED_LENGTH * tau < min(most_steps, affordable):
-            # The remaining steps cannot make the chain long enough.
+            progress(min(1.0, done / min(goal, limit)))
+        if _is_hopeless(done, tau, limit):
             break
         is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= REQUIRED_LENGTH * tau
         if is_long and _convergence(sampler, _burn_in(done, tau)).reached:
@@ -131,6 +137,17 @@ def sample(
     if found.convergence.reached or was_interrupted():
         return found
     return _replaced(found, posterior, seed, work)
+
+
+def _is_hopeless(done: int, tau: float, limit: float) -> bool:
+    """Whether a chain cannot become long enough within its step limit.
+
+    A chain with a low limit is abandoned earlier, if it would have to be several times as long.
+    """
+    needed = 1.25 * REQUIRED_LENGTH * tau
+    if done >= _TRIAL:
+        return not needed < limit
+    return done >= max(_FIRST_TRIAL, limit / 4) and not needed < _HOPELESS * limit
 
 
 def _sample_of(sampler: emcee.EnsembleSampler, posterior: Posterior, burn: int) -> Sample:

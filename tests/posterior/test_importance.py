@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from identification.posterior.density import Posterior
-from identification.posterior.importance import largest_shape, smoothed, weighted_draws
+from identification.posterior.importance import _PILOT, largest_shape, smoothed, weighted_draws
 from identification.posterior.sample import _CHUNK, sample
 from identification.work import metered, operations
 from tests.posterior.test_sample import WHITE, servo_fit
@@ -89,6 +89,38 @@ def test_a_posterior_too_expensive_for_a_chain_is_sampled_by_weights() -> None:
     assert found.convergence.steps <= 20
     assert not found.convergence.reached
     assert spent < 1.5 * work
+
+
+class FarTooNarrow(Posterior):
+    """A posterior whose normal approximation is a thousand times narrower than it is."""
+
+    def covariance(self) -> Array:
+        """(n_dim, n_dim)."""
+        return 1e-6 * super().covariance()
+
+
+def test_draws_from_a_far_too_narrow_proposal_end_after_the_pilot() -> None:
+    """The weights rise with the radius r as r^(5 + n) and P(r) falls as r^-5: k = 1 + n/5.
+
+    In 9 dimensions k is 2.8, and more draws would not help.
+    """
+    found = weighted_draws(FarTooNarrow(servo_fit(), WHITE), seed=1, count=100)
+
+    assert not found.is_reliable
+    assert found.draws == _PILOT
+
+
+def test_a_chain_that_would_need_many_times_its_budget_ends_early() -> None:
+    """Walkers that start a thousand times too close together need hundreds of steps.
+
+    The budget allows 200 steps; half of those before the end are burn-in.
+    """
+    posterior = FarTooNarrow(servo_fit(), WHITE)
+
+    found = sample(posterior, seed=2, work=200.5 * posterior.work(32))
+
+    assert found.source == "normal"
+    assert found.convergence.steps <= 0.5 * 60
 
 
 def test_a_chain_that_ends_too_early_is_replaced_by_weighted_draws() -> None:
