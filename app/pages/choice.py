@@ -23,7 +23,7 @@ from app.runs.schemas import RunOut
 from app.texts import parts
 from identification.result.numbers import number_text, unit_prefix, unit_text
 
-__all__ = ["MotorFilter", "choice_of", "options_from", "router"]
+__all__ = ["MotorFilter", "choice_of", "options_from", "prospects_view", "router"]
 
 router = APIRouter(include_in_schema=False)
 
@@ -108,7 +108,7 @@ async def prospects(
     if training:
         services.reading.check()
         found = await services.reading.run(services.choice.prospects, caller, training)
-    return page("prospects", prospects=_prospects_view(found, len(training)))
+    return page("prospects", prospects=prospects_view(found, len(training)))
 
 
 @router.post("/runs/{run_id}/motor")
@@ -199,7 +199,7 @@ def _of_role(form: Mapping[str, str], role: str) -> list[str]:
     return [run_id for run_id, chosen in reversed(_roles(form).items()) if chosen == role]
 
 
-def _prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str, Any]:
+def prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str, Any]:
     """View of the preview of the training runs; None if no run is chosen."""
     if found is None:
         return {"training": 0}

@@ -6,8 +6,7 @@ import pytest
 
 from app.errors import FieldRefused
 from app.fits.schemas import FitOptionsIn
-from app.pages.choice import options_from
-from app.pages.choice_views import prospects_view
+from app.pages.choice import options_from, prospects_view
 from identification.known import known_values
 
 FIELDS = {
