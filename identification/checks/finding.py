@@ -60,7 +60,7 @@ class Finding:
 
     @property
     def separable(self) -> bool:
-        """Whether the fault is known to be in one run, regardless of the others."""
+        """True if the fault is known to be in one run, whatever the others show."""
         return bool(self.file)
 
     def __str__(self) -> str:

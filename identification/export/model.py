@@ -185,7 +185,7 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
 
 
 def _note(term: AbstractTerm, run: int) -> tuple[str, bool]:
-    """What the export omits of a term, empty if nothing, and whether the term stays in it."""
+    """The part of a term that the export omits, or an empty text, and True if the term remains."""
     if isinstance(term, AbstractDelay) and term.channel == "voltage":
         return (
             ": the logged voltage lagged the terminals; the input of the export is the voltage at "

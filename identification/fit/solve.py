@@ -89,7 +89,7 @@ class TerminationLimits:
         return max(_ENOUGH, _DECISIVE * (cost - self.reference))
 
     def ends_with(self, before: float, cost: float) -> bool:
-        """Whether the fit ends with a step that changed its cost."""
+        """True if the fit ends with a step from one cost to another."""
         return cost < self.sufficient and before - cost < 1.0
 
 

@@ -31,9 +31,9 @@ class Cause:
 
     name: str
     meaning: str
-    """What has happened, for people."""
+    """Name of the cause in words."""
     check: str
-    """What to check first."""
+    """First check on the motor or the bench."""
     directions: Callable[[Mapping[str, float]], Sequence[Direction]]
     """Directions of the change from given values; parameters not compared are ignored."""
 

@@ -86,7 +86,7 @@ def weighted_draws(posterior: Posterior, seed: int, count: int, work: float = np
 
 
 def _is_hopeless(shape: float) -> bool:
-    """Whether the Pareto shape of the pilot draws excludes that all draws are reliable.
+    """True if the Pareto shape of the pilot draws excludes reliable importance weights.
 
     The estimate from m excesses has the standard deviation (1 + k) / sqrt(m).
 

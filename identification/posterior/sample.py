@@ -140,7 +140,7 @@ def sample(
 
 
 def _is_hopeless(done: int, tau: float, limit: float) -> bool:
-    """Whether a chain cannot become long enough within its step limit.
+    """True if a chain cannot become long enough within its step limit.
 
     A chain with a low limit is abandoned earlier, if it would have to be several times as long.
     """

@@ -184,8 +184,11 @@ def _reconsidered(findings: Findings) -> tuple[Findings, list[Finding]]:
         for one in findings.admission.findings
         if not is_refuted(one, values, deviations, trusted)
     ]
-    admission = replace(findings.admission, findings=tuple(kept))
-    return replace(findings, admission=admission), [
+    if len(kept) < len(findings.admission.findings):
+        # A copy would simulate all runs again.
+        admission = replace(findings.admission, findings=tuple(kept))
+        findings = replace(findings, admission=admission)
+    return findings, [
         *time_constant_findings(values, trusted),
         *resistance_findings(values, deviations, trusted),
         *findings.overheating,

@@ -269,13 +269,13 @@ def ranked(models: Sequence[EvaluatedModel], policy: SelectionPolicy) -> list[in
 
 
 def is_better(one: EvaluatedModel, other: EvaluatedModel) -> bool:
-    """Whether the criterion prefers one model to another."""
+    """True if the first model has the lower criterion."""
     scores = scores_of([one, other])
     return scores[0] < scores[1]
 
 
 def replaces(curve: EvaluatedModel, listed: EvaluatedModel, policy: SelectionPolicy) -> bool:
-    """Whether a curve replaces the effects of the catalogue.
+    """True if a curve replaces the effects of the catalogue.
 
     The curve has to rank better, and its validation error must not be clearly larger.  In place of
     a single effect it also has to lower the error by the size limit, because a free curve that fits

@@ -139,7 +139,7 @@ def _declared_bytes(stream: BinaryIO) -> int:
 
 
 def has_objects(node: Node) -> bool:
-    """Whether a node or one below it is an object."""
+    """True if a node or one below it is an object."""
     if isinstance(node, Mapping):
         return any(map(has_objects, node.values()))
     return any(map(has_objects, node)) if isinstance(node, list) else isinstance(node, Opaque)
