@@ -68,7 +68,7 @@ def measured(item: Item) -> dict[str, Any]:
         "complete": found.findings.outcome is None or found.findings.outcome.complete,
         "omitted": [term.name for term in found.findings.omitted],
         "ratios": [
-            round(entry["noise_ratio"], 4)
+            None if entry["noise_ratio"] is None else round(entry["noise_ratio"], 4)
             for entry in found.result["errors"]["after"]["validation"].values()
         ],
         "parameters": dict(_parameters(found, truth)),

@@ -148,11 +148,17 @@ def worse_warnings(
         nominal = _rms([one for one in before if one.record.name == run])
         final = _rms([one for one in after if one.record.name == run])
         for channel, name in enumerate(CHANNELS):
-            if final[channel] > _WORSE * max(nominal[channel], noise[channel]):
+            ratio = final[channel] / noise[channel]
+            # A simulation that diverges is NaN, which is not worse than any limit.
+            if not final[channel] <= _WORSE * max(nominal[channel], noise[channel]):
                 message = (
-                    f"{_CODE}: {run}: with {', '.join(effects)} the RMSE of the {name} is "
-                    f"{final[channel] / noise[channel]:.3g} times the sensor noise, with the "
-                    f"nominal model {nominal[channel] / noise[channel]:.3g} times"
+                    f"{_CODE}: {run}: with {', '.join(effects)} "
+                    + (
+                        f"the RMSE of the {name} is {ratio:.3g} times the sensor noise"
+                        if np.isfinite(ratio)
+                        else f"the simulation of the {name} diverges"
+                    )
+                    + f", with the nominal model {nominal[channel] / noise[channel]:.3g} times"
                 )
                 found.append(ResultWarning(_CODE, "warning", message, _WORSE_FIX, "declared"))
     return found
@@ -160,7 +166,8 @@ def worse_warnings(
 
 def _rms(simulated: Sequence[Simulated]) -> Array:
     """(2,) RMS error of current and speed [A, rad/s]; zero if all samples have zero weight."""
-    squares = np.sum([np.sum(s.record.weight * s.residual**2, axis=0) for s in simulated], axis=0)
+    weighted = [(s.record.weight, s.residual) for s in simulated]
+    squares = np.sum([np.sum(np.where(w > 0, w * r**2, 0), axis=0) for w, r in weighted], axis=0)
     counts = np.sum([np.sum(s.record.weight, axis=0) for s in simulated], axis=0)
     return np.asarray(np.sqrt(squares / np.maximum(counts, 1.0)))
 

@@ -129,4 +129,8 @@ def test_a_run_that_effects_predict_worse_is_named_with_what_to_do() -> None:
     )
     assert "--declared" in speed.fix
     assert worse_warnings([far], [close], noise, ["load_step"]) == []
+
+    unstable = Simulated(record, np.full_like(record.measured, np.nan), np.zeros(2))
+    (current, _) = worse_warnings([close], [unstable], noise, ["load_step"])
+    assert "with load_step the simulation of the current diverges" in current.message
     assert worse_warnings([close], [close], noise, ["load_step"]) == []
