@@ -22,6 +22,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from identification.arrays import Array
@@ -197,20 +198,30 @@ def _longest_stay(signal: Array) -> tuple[int, int, int]:
 
 
 def _inside(signals: Signals, start: int, stop: int) -> tuple[float, float]:
-    """RMS error of the voltage balance in a span, over that elsewhere and over the voltage."""
-    rate = np.gradient(signals.current, signals.time)
-    matrix = np.column_stack([signals.current, signals.speed, rate, np.ones(signals.time.size)])
-    scale = np.sqrt(np.mean(matrix**2, axis=0))
-    matrix = matrix / np.where(scale > 0.0, scale, 1.0)
+    """RMS error of the voltage balance in a span, over that elsewhere and over the voltage.
+
+    Both are the least of the balances with and without an offset: from a constant voltage an
+    offset is not identifiable, and it would contradict the standstill before a single step.
+    """
     inside = np.zeros(signals.time.size, dtype=bool)
     inside[start:stop] = True
-    if np.count_nonzero(~inside) < 10 * matrix.shape[1]:
+    rate = np.gradient(signals.current, signals.time)
+    physical = np.column_stack([signals.current, signals.speed, rate])
+    matrices = (physical, np.column_stack([physical, np.ones(signals.time.size)]))
+    if np.count_nonzero(~inside) < 10 * matrices[-1].shape[1]:
         return 0.0, 0.0
-    values = np.linalg.lstsq(matrix[~inside], signals.voltage[~inside], rcond=1e-10)[0]
-    left = signals.voltage - matrix @ values
+    return min(_inside_of(matrix, signals.voltage, inside) for matrix in matrices)
+
+
+def _inside_of(matrix: Array, voltage: Array, inside: NDArray[np.bool_]) -> tuple[float, float]:
+    """RMS error inside of a balance fitted outside, over that outside and over the voltage."""
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    matrix = matrix / np.where(scale > 0.0, scale, 1.0)
+    values = np.linalg.lstsq(matrix[~inside], voltage[~inside], rcond=1e-10)[0]
+    left = voltage - matrix @ values
     error = float(np.sqrt(np.mean(left[inside] ** 2)))
     usual = float(np.sqrt(np.mean(left[~inside] ** 2)))
-    size = float(np.std(signals.voltage)) or 1.0
+    size = float(np.std(voltage)) or 1.0
     return error / max(usual, 1e-12 * size), error / size
 
 

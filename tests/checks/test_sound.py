@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,28 @@ SOUND = {
     "a slow ramp": run_of(np.linspace(0.0, 12.0, 3000)),
     "very short": run_of(levels(-12, 12, rows=60, hold=10)),
 }
+
+
+@pytest.mark.parametrize("rest", [100, 300, 700])
+def test_a_standstill_before_one_step_is_no_stuck_sensor(rest: int) -> None:
+    """A commanded voltage has no noise, and an encoder counts nothing at standstill.
+
+    The current sensor alone changes there.
+    """
+    command = np.concatenate([np.zeros(rest), np.full(1000 - rest, 12.0)])
+    run, count = run_of(command), 5.0
+    run = replace(run, voltage=command, speed=count * np.round(run.speed / count))
+    assert not np.any(run.speed[:rest])
+    assert check_runs([run]).refused == ()
+
+
+def test_a_speed_that_stays_zero_while_the_motor_turns_is_still_found() -> None:
+    """The encoder fails for 300 samples of a run without standstill."""
+    run = SOUND["one direction"]
+    speed = run.speed.copy()
+    speed[500:800] = 0.0
+    found = check_runs([replace(run, speed=speed)]).refused
+    assert [(f.code, f.column) for f in found] == [("stuck_sensor", "speed_rad_s")]
 
 
 @pytest.mark.parametrize("name", SOUND)
