@@ -20,14 +20,21 @@ from identification.model.composite import MotorModel
 from identification.nameplate import Nameplate
 from identification.surrogates.entry import term_of
 
-__all__ = ["DesignModel", "models_of", "nameplate_models", "time_constants"]
+__all__ = [
+    "TYPICAL_ELECTRICAL_S",
+    "DesignModel",
+    "models_of",
+    "nameplate_models",
+    "time_constants",
+]
 
 _FARTHEST: Final = 3.0
 """Largest deviation of a draw along each principal axis, in standard deviations."""
 _MECHANICAL: Final = (0.01, 0.05, 0.25)
 """Mechanical time constants of motors from a few watts to some kilowatts [s]."""
 _MECHANICAL_SPREAD: Final = 0.8
-_ELECTRICAL: Final = 1e-3
+TYPICAL_ELECTRICAL_S: Final = 1e-3
+"""Electrical time constant of a motor whose inductance is not known [s]."""
 _ELECTRICAL_SPREAD: Final = 1.0
 _LOSS: Final = 0.05
 """No-load losses over the stall torque if no no-load current is given [-]."""
@@ -155,7 +162,7 @@ def nameplate_models(plate: Nameplate, stall_current: float) -> list[DesignModel
     for constant in _MECHANICAL:
         values = centre | {
             "Ra25": ra, "Kt25": kt, "J": constant * kt**2 / ra,
-            "b": friction, "L": _ELECTRICAL * ra,
+            "b": friction, "L": TYPICAL_ELECTRICAL_S * ra,
         }  # fmt: skip
         found.append(
             DesignModel(

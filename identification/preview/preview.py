@@ -27,7 +27,7 @@ from identification.ingest.run import Run, Source
 from identification.ingest.units import CHANNEL_QUANTITIES, FACTOR_QUANTITIES, canonical_unit
 from identification.model.excitation import Record
 from identification.preview.excitation import Excitation, excitation_of, joined
-from identification.preview.prospects import Prospect, interval_of, prospects_of, sampling_note
+from identification.preview.prospects import Prospect, prospects_of
 
 __all__ = ["Preview", "check", "examine"]
 
@@ -60,10 +60,7 @@ class Preview:
         except IdentificationError as error:
             note = f"the expected precision cannot be computed: {error}"
             return replace(self, notes=(*self.notes, note))
-        values = {prospect.name: prospect.value for prospect in prospects}
-        slow = sampling_note(values, interval_of(self.records))
-        notes = (*([slow] if slow else []), *found, *self.notes)
-        return replace(self, prospects=tuple(prospects), notes=notes)
+        return replace(self, prospects=tuple(prospects), notes=(*found, *self.notes))
 
     @property
     def is_accepted(self) -> bool:

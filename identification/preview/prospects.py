@@ -11,8 +11,10 @@ have the poles s of
 
     s^2 + (Ra/L + b/J) s + (Kt^2 + Ra b)/(L J) = 0
 
-A transient is resolved if the sampling interval is at most its time constant 1/abs(s): in a longer
-one, more than 63 % of it pass unseen.  A complex pair counts as one transient of both balances.
+An L that the runs do not determine is replaced by that of a typical winding, as its estimate is
+arbitrary.  A transient is resolved if the sampling interval is at most its time constant
+1/abs(s): in a longer one, more than 63 % of it pass unseen.  A complex pair counts as one transient
+of both balances.
 
 Source: Ljung, System Identification, 2nd edition (1999), section 7.4 (Cramer-Rao bound), chapter 13
 (experiment design), and section 13.7 (choice of the sampling interval), where ten samples in the
@@ -28,6 +30,7 @@ from typing import Final
 
 import numpy as np
 
+from identification.design.models import TYPICAL_ELECTRICAL_S
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.gains import current_gains, with_one_gain
@@ -38,7 +41,7 @@ from identification.model.excitation import Record
 from identification.preview.excitation import Excitation
 from identification.selection.subset import informative_segments
 
-__all__ = ["Prospect", "interval_of", "prospects_of", "sampling_note"]
+__all__ = ["Prospect", "prospects_of", "sampling_note"]
 
 _ROWS: Final = 20_000
 """Samples of the segments; enough for each parameter that all samples together determine."""
@@ -107,7 +110,10 @@ def prospects_of(
     # The information grows with the number of samples.
     gain = math.sqrt(rows / used)
     relative = {name: p.sd / gain / abs(p.estimate) for name, p in precision.items() if p.estimate}
-    values, interval = {n: p.estimate for n, p in precision.items()}, interval_of(records)
+    values, interval = {n: p.estimate for n, p in precision.items()}, _interval_of(records)
+    is_typical = not precision["L"].sd / gain < precision["L"].limit
+    if is_typical:
+        values["L"] = TYPICAL_ELECTRICAL_S * values["Ra25"]
     faster, unseen = _sampling_advice(values, interval), _passed_unseen(values, interval)
     found = []
     for parameter in DECLARED:
@@ -127,10 +133,11 @@ def prospects_of(
         found.append(
             Prospect(parameter.name, bound.estimate, parameter.unit, sd, lacking < 1.0, advice)
         )
-    return found, [str(warning) for warning in campaign.warnings]
+    slow = sampling_note(values, interval, is_typical)
+    return found, [*([slow] if slow else []), *map(str, campaign.warnings)]
 
 
-def interval_of(records: Sequence[Record]) -> float:
+def _interval_of(records: Sequence[Record]) -> float:
     """Median sampling interval of all records [s]."""
     return float(np.median(np.concatenate([np.diff(record.time) for record in records])))
 
@@ -185,8 +192,14 @@ def _passed_unseen(values: Mapping[str, float], interval: float) -> frozenset[st
     return frozenset(passed) if "J" in passed else frozenset()
 
 
-def sampling_note(values: Mapping[str, float], interval: float) -> str:
-    """Remark on transients that are shorter than the interval [s]; empty if there are none."""
+def sampling_note(values: Mapping[str, float], interval: float, is_typical: bool = False) -> str:
+    """Remark on transients that are shorter than the interval [s]; empty if there are none.
+
+    Args:
+        values: Nominal parameters.
+        interval: Sampling interval [s].
+        is_typical: Whether L is that of a typical winding, because the runs do not determine it.
+    """
     passed = _unresolved(values, interval)
     if not passed:
         return ""
@@ -199,6 +212,12 @@ def sampling_note(values: Mapping[str, float], interval: float) -> str:
             f"instants of the voltage steps; J and L cannot be identified; {advice['J']}"
         )
     name, time = next(iter(passed.items()))
+    if name == "L" and is_typical:
+        return (
+            f"the sampling interval of {now} does not show the electrical transient, so L is not "
+            "identifiable; L/Ra of a small motor is typically "
+            f"{_milliseconds(TYPICAL_ELECTRICAL_S)}; {advice[name]}"
+        )
     return (
         f"the sampling interval of {now} does not resolve the {_NAMES[name]} time constant of "
         f"{_milliseconds(time)}, and the estimate of {name} rests on the exact instants of the "

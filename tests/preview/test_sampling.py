@@ -11,15 +11,15 @@ import pytest
 from identification.ingest.run import Run
 from identification.preview import Preview, check
 from identification.preview.prospects import sampling_note
-from tests.motors import NAMES, campaign, motor_named
+from tests.motors import NAMES, Motor, campaign, motor_named
 
 SERVO = motor_named("servo 100 W")
 SERVO_VALUES = dict(zip(NAMES, SERVO.values, strict=True))
 
 
-def decimated(factor: int) -> list[Run]:
-    """Runs of a servo with noise of 2 %, of which each `factor`-th sample was logged."""
-    steps = replace(SERVO, dwell=round(0.7 * SERVO.dwell * factor))
+def decimated(factor: int, motor: Motor = SERVO) -> list[Run]:
+    """Runs of a motor with noise of 2 %, of which each `factor`-th sample was logged."""
+    steps = replace(motor, dwell=round(0.7 * motor.dwell * factor))
     runs = campaign(steps, seed=3, runs=2, rows=1500 * factor, noise=0.02)
     logged = []
     for run in runs:
@@ -81,3 +81,20 @@ def test_resolved_transients_have_no_remark() -> None:
     """The rate of the servo's bench, and one three times slower, below the natural period."""
     for factor in (1, 3):
         assert sampling_note(SERVO_VALUES, factor * SERVO.interval) == ""
+
+
+def test_an_inductance_that_the_runs_do_not_show_yields_the_rate_of_a_typical_winding() -> None:
+    """L/Ra of 0.02 ms at 3 ms a sample: the estimate is arbitrary, and no rate follows from it.
+
+    A rate of five samples in the arbitrary estimate would be hundreds of kilohertz.
+    """
+    ra, alpha_ra, kt, alpha_kt, inertia, friction, _ = SERVO.values
+    values = (ra, alpha_ra, kt, alpha_kt, inertia, friction, 2e-5 * ra)
+    found = check(decimated(3, replace(SERVO, values=values)))
+    inductance = next(p for p in found.prospects if p.name == "L")
+    assert not inductance.identified
+    assert "typically" in found.notes[0]
+    for text in (inductance.advice, found.notes[0].rpartition("; ")[2]):
+        wanted = re.match(r"sample at ([\d.]+) Hz or faster", text)
+        assert wanted is not None, text
+        assert 4e3 < float(wanted[1]) < 8e3
