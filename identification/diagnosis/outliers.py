@@ -6,7 +6,9 @@ another load, or a sensor fault.
 *Samples.* The scale is the median absolute deviation times 1.4826, a robust estimate of the
 standard deviation of normal noise.  A normal residual exceeds ten standard deviations once in 10^23
 samples.  A sample counts only if its neighbours deviate much less: if the time constants of the
-motor exceed the sample interval, a real deviation of the motor includes the neighbours.
+motor exceed the sample interval, a real deviation of the motor includes the neighbours.  If the
+outliers coincide with steps of the logged voltage, its timing is wrong and no sensor: a loop that
+sets the voltage, waits and then logs both shifts it by one sample.
 
 *Weights.* An outlier is not missing physics, but a filter for normal noise would explain it by a
 short burst of voltage.  Samples far from their prediction by all others are weighted under a
@@ -55,6 +57,10 @@ _NEIGHBOUR: Final = 0.5
 """Largest deviation of a neighbour, over that of the sample."""
 _SHARE: Final = 0.5
 """Fraction of the squared error from which the outliers decide the noise estimate."""
+_STEP: Final = 0.1
+"""Change of the voltage in a step at least, over the range of the voltage."""
+_LEVEL: Final = 0.01
+"""Probability by chance, up to which outliers are attributed to the steps of the voltage."""
 _CHANNELS: Final = (("current_A", "A"), ("speed_rad_s", "rad/s"))
 
 
@@ -116,23 +122,30 @@ def outlier_warnings(simulated: Sequence[Simulated]) -> list[ResultWarning]:
     """Warnings for channels in which outliers cause more than half of the squared error."""
     warnings = []
     for channel, (column, unit) in enumerate(_CHANNELS):
-        pieces = [
-            (s.record.name, s.residual[s.record.weight[:, channel] > 0, channel]) for s in simulated
-        ]
-        residual = np.concatenate([piece for _, piece in pieces])
+        kept = [s.record.weight[:, channel] > 0 for s in simulated]
+        pieces = [s.residual[keep, channel] for s, keep in zip(simulated, kept, strict=True)]
+        residual = np.concatenate(pieces)
         if not residual.size:
             continue
         scale = _NORMAL * float(np.median(np.abs(residual - np.median(residual))))
-        isolated = [_is_isolated(piece, _DEVIATIONS * scale) for _, piece in pieces]
+        isolated = [_is_isolated(piece, _DEVIATIONS * scale) for piece in pieces]
         outlying = np.concatenate(isolated)
         others = float(np.sum(residual[~outlying] ** 2))
         if scale <= 0.0 or others > (1.0 - _SHARE) * float(np.sum(residual**2)):
             continue
-        names = [name for (name, _), own in zip(pieces, isolated, strict=True) if own.any()]
+        names = [s.record.name for s, own in zip(simulated, isolated, strict=True) if own.any()]
+        files = ", ".join(dict.fromkeys(names))
         largest = float(np.abs(residual[outlying]).max())
+        steps = [
+            _is_step(s.record.column("voltage"))[keep]
+            for s, keep in zip(simulated, kept, strict=True)
+        ]
+        if _coincide(outlying, np.concatenate(steps)):
+            warnings.append(_of_timing(files, column, f"{largest:.3g} {unit}"))
+            continue
         whole = float(np.sqrt(np.mean(residual**2)))
         message = (
-            f"{', '.join(dict.fromkeys(names))}, column {column}: {int(outlying.sum())} isolated "
+            f"{files}, column {column}: {int(outlying.sum())} isolated "
             f"outliers: the residual exceeds {_DEVIATIONS:g} standard deviations of the noise "
             f"(largest {largest:.3g} {unit}), the residuals of the neighbouring samples are less "
             f"than half as large; the noise is {scale:.3g} {unit} without and {whole:.3g} {unit} "
@@ -141,6 +154,32 @@ def outlier_warnings(simulated: Sequence[Simulated]) -> list[ResultWarning]:
         fix = "check sensor, cable and converter, or remove these samples"
         warnings.append(ResultWarning("isolated_outliers", "warning", message, fix))
     return warnings
+
+
+def _of_timing(files: str, column: str, largest: str) -> ResultWarning:
+    message = (
+        f"{files}, column voltage_V: the samples in which the voltage steps fit worst (residual of "
+        f"{column} up to {largest}), the others fit: the row of a step does not show when the "
+        "motor received it, as in a loop that sets the voltage, waits, and then logs it with the "
+        "response"
+    )
+    fix = (
+        "log in each row the voltage that is set after its samples were taken, or move the voltage "
+        "column by one row; keep these samples"
+    )
+    return ResultWarning("voltage_step_timing", "warning", message, fix)
+
+
+def _is_step(voltage: Array) -> NDArray[np.bool_]:
+    """Samples whose voltage differs from the one before by a tenth of its range."""
+    change = np.abs(np.diff(voltage, prepend=voltage[:1]))
+    return np.asarray(change > max(_STEP * float(np.ptp(voltage)), 0.0))
+
+
+def _coincide(outlying: NDArray[np.bool_], steps: NDArray[np.bool_]) -> bool:
+    """Whether all outliers are steps, and more often than by chance."""
+    count, share = int(np.count_nonzero(outlying)), float(np.mean(steps))
+    return bool(steps[outlying].all()) and share**count < _LEVEL
 
 
 def _is_isolated(residual: Array, limit: float) -> NDArray[np.bool_]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.outliers import (
     noise_without_outlying_runs,
+    outlier_warnings,
     outlying_run_warnings,
     root_mean_square,
 )
@@ -57,3 +60,17 @@ def test_noise_is_that_of_the_runs_that_fit() -> None:
     noise = noise_without_outlying_runs(runs, root_mean_square(runs))
 
     np.testing.assert_allclose(noise, NOISE, rtol=0.05)
+
+
+def test_outliers_at_the_steps_of_the_voltage_are_its_timing() -> None:
+    """A loop that logs the voltage late deviates at the steps; they must not be called faulty."""
+    (one,) = simulated([(1.0, 1.0)])
+    at = np.flatnonzero(np.abs(np.diff(one.record.column("voltage"))) > 8.0) + 1
+    elsewhere = np.arange(7, one.record.rows, 200)
+
+    for samples, code in ((at, "voltage_step_timing"), (elsewhere, "isolated_outliers")):
+        residual = one.residual.copy()
+        residual[samples, 0] += 10.0
+        (warning,) = outlier_warnings([replace(one, logged=one.record.measured - residual)])
+        assert warning.code == code
+    assert outlier_warnings([one]) == []
