@@ -215,12 +215,42 @@ class ChannelDelay(AbstractEffect, AbstractDelay):
         ]
 
 
+@dataclass(frozen=True)
+class LateVoltage(AbstractEffect, AbstractHold):
+    """Voltage that is logged at the end of the interval over which it is held.
+
+    A loop sets a voltage, waits for an interval, and then logs the voltage with the response.
+    """
+
+    law: str = "voltage logged at the end of its interval"
+    """Name of the law in a result."""
+
+    name = "input_hold"
+    confusions = (INDUCTANCE,)
+    equation = "sensor"
+    drivers = ("voltage",)
+    source = "Ljung, System Identification, 2nd edition, section 13.3"
+    parameters = ()
+    is_late = True
+
+    @property
+    def variant(self) -> str:
+        """The law."""
+        return self.law
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate without parameters."""
+        return [Candidate(cls(), columns(()))]
+
+
 @register
 @dataclass(frozen=True)
 class InputHold(AbstractEffect, AbstractHold):
-    """Opposite of the assumed hold of the voltage between samples.
+    """Hold of the voltage between samples other than the assumed one.
 
-    A first-order hold replaces a zero-order hold, or the reverse.
+    A first-order hold replaces a zero-order hold, or the reverse, or each row has the voltage that
+    was held until its samples were taken.
     """
 
     name = "input_hold"
@@ -229,8 +259,9 @@ class InputHold(AbstractEffect, AbstractHold):
     drivers = ("voltage",)
     source = "Ljung, System Identification, 2nd edition, section 13.3"
     parameters = ()
+    laws = (LateVoltage,)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate without parameters."""
-        return [Candidate(cls(), columns(()))]
+        """One candidate without parameters for each hold."""
+        return [Candidate(cls(), columns(())), *LateVoltage.candidates(scales)]

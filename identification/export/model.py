@@ -186,7 +186,8 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
 
 def _note(term: AbstractTerm, run: int) -> tuple[str, bool]:
     """The part of a term that the export omits, or an empty text, and True if the term remains."""
-    if isinstance(term, AbstractDelay) and term.channel == "voltage":
+    is_delay = isinstance(term, AbstractDelay) and term.channel == "voltage"
+    if is_delay or (isinstance(term, AbstractHold) and term.is_late):
         return (
             ": the logged voltage lagged the terminals; the input of the export is the voltage at "
             "the terminals"

@@ -35,7 +35,8 @@ from identification.model.unlogged import Unlogged
 
 __all__ = ["CHANNELS", "INPUTS", "Hold", "MotorModel"]
 
-Hold = Literal["zoh", "foh"]
+Hold = Literal["zoh", "foh", "late"]
+"""Zero-order hold, first-order hold, or the voltage of the interval that ends at a sample."""
 
 
 CHANNELS: Final = ("current", "speed")
@@ -84,10 +85,12 @@ class MotorModel:
 
     @property
     def held(self) -> Hold:
-        """Inter-sample behaviour of the voltage; each `AbstractHold` term toggles it."""
-        turned = sum(isinstance(term, AbstractHold) for term in self.terms) % 2
+        """Inter-sample behaviour of the voltage; each `AbstractHold` term changes it."""
+        terms = [term for term in self.terms if isinstance(term, AbstractHold)]
+        if any(term.is_late for term in terms):
+            return "late"
         other: Hold = "foh" if self.hold == "zoh" else "zoh"
-        return other if turned else self.hold
+        return other if len(terms) % 2 else self.hold
 
     @property
     def delays(self) -> tuple[AbstractDelay, ...]:

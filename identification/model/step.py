@@ -129,7 +129,8 @@ def _inputs_within(hold: Hold, *, is_averaged: bool = False) -> ca.Function:
         # leave A at the start temperature, a first-order error in the heating.
         is_middle = name == "temperature" or (name == "angle" and is_averaged)
         is_linear = name == "angle" or (name == "voltage" and hold == "foh")
-        now.append(column[name] + 0.5 * change if is_middle else column[name])
+        share = 0.5 if is_middle else float(name == "voltage" and hold == "late")
+        now.append(column[name] + share * change if share else column[name])
         held = ca.SX(1 if name == "time" else 0)
         slope.append(change * inverse if is_linear and not is_middle else held)
     return ca.Function("within", [inputs], [ca.vertcat(*now), ca.vertcat(*slope)])
@@ -266,7 +267,7 @@ def transition_functions(model: MotorModel, plan: StepPlan) -> tuple[ca.Function
     prepare = ca.Function("prepare", [ca.SX(0, 1), u, p], [ca.SX(0, 1), prepared])
 
     q = ca.SX.sym("q", prepared.numel())
-    voltage = u[column]
+    voltage = u[INPUTS.index("voltage_next") if model.held == "late" else column]
     following = ca.mtimes(ca.reshape(q[:4], 2, 2), x) + q[4:6] * voltage
     if model.held == "foh":
         following = following + q[6:8] * (u[INPUTS.index("voltage_next")] - voltage)

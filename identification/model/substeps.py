@@ -74,7 +74,7 @@ def _part(
 ) -> dict[str, Array | Expression]:
     """Inputs of the substep with an index from zero, of so many; arrays or expressions."""
     row = dict(zip(INPUTS, inputs, strict=True))
-    moving = ("temperature", "angle") if hold == "zoh" else ("voltage", "temperature", "angle")
+    moving = ("voltage", "temperature", "angle") if hold == "foh" else ("temperature", "angle")
     for name in moving:
         start = row[name]
         change = row[f"{name}_next"] - start

@@ -10,7 +10,7 @@ A term is a frozen class with parameters and a formula:
     AbstractSensor        sensor reading that differs from the state     [A] or [rad/s]
     AbstractDelay         delay of a channel relative to the others      [s]
     AbstractMean          average over sample intervals as the reading of a channel
-    AbstractHold          opposite inter-sample behaviour of the voltage
+    AbstractHold          other inter-sample behaviour of the voltage
 
 The first six have one abstract method each, the formula.  Any term may add states of its own
 (`states` and `rates`).  `composite.py` adds terms to the nominal equations through these interfaces
@@ -262,4 +262,8 @@ class AbstractMean(AbstractTerm):
 
 
 class AbstractHold(AbstractTerm):
-    """Inter-sample behaviour of the voltage opposite to the nominal one."""
+    """Inter-sample behaviour of the voltage other than the nominal one."""
+
+    is_late: ClassVar[bool] = False
+    """Whether each row has the voltage of the interval that ends there; else zero- and first-order
+    hold are exchanged."""

@@ -11,7 +11,7 @@ from identification.export.c_code import c_code
 from identification.export.model import exported_model
 from identification.prediction import predict
 from tests.export.compiled import CompiledMotor
-from tests.export.results import CASES, STEP, inputs_of, result_with, run_of_the_motor
+from tests.export.results import CASES, STEP, effect, inputs_of, result_with, run_of_the_motor
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -80,6 +80,15 @@ def test_step_in_one_run_is_left_out_and_said() -> None:
 
     assert motor.model.terms[:-1] == ()
     assert motor.notes == ("load_step acts only in runs of the campaign (run 2); it is left out",)
+
+
+def test_a_late_voltage_is_no_part_of_the_export() -> None:
+    """The input is the voltage at the terminals: the same code as without the late log."""
+    late = effect("input_hold", {"law": "voltage logged at the end of its interval"})
+    plain, found = (exported_model(result_with(*effects)) for effects in ((), (late,)))
+
+    assert "voltage at the terminals" in found.notes[0]
+    assert c_code(found, []) == c_code(plain, [])
 
 
 def test_comment_holds_the_parameters_and_the_error_of_each_number_of_substeps() -> None:

@@ -1,6 +1,7 @@
 """Noise of the logged voltage and its bias of the fitted resistance and inductance."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from identification.fit.declared import fit_declared
 from identification.fit.evaluate import voltage_noise_power
 from identification.fit.voltage import with_smooth_voltage
 from identification.ingest.run import Run
-from identification.model.composite import Hold
 from identification.options import FitOptions
 from identification.pipeline import identify
 from identification.prediction import predict
@@ -32,7 +32,7 @@ def wavy(seed: int, jitter: float = 0.0) -> Run:
     time = MOTOR.interval * np.arange(ROWS)
     waves = (np.sin(2 * np.pi * f * time + seed * f) for f in (0.7, 1.9, 3.1))
     voltage = 5.0 * np.sum([*waves], axis=0) + jitter * rng.standard_normal(ROWS)
-    hold: Hold = "zoh" if jitter else "foh"
+    hold: Literal["zoh", "foh"] = "zoh" if jitter else "foh"
     run = run_of(MOTOR, voltage, np.full(ROWS, 25.0 + 20.0 * seed), np.zeros(2), hold)
     current = run.current + 0.01 * np.std(run.current) * rng.standard_normal(ROWS)
     speed = run.speed + 0.01 * np.std(run.speed) * rng.standard_normal(ROWS)
