@@ -162,7 +162,7 @@ def missing_columns(
     ]
     angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
     hint = ""
-    duties = [c for c in free if "duty" in c.quantities] if "voltage_V" in names else []
+    duties = [c for c in free if _may_be_duty(c)] if "voltage_V" in names else []
     if duties:
         hint = (
             f" (the voltage may be {quoted(duties[0].title)} times a column of the bus voltage, "
@@ -183,6 +183,10 @@ def missing_columns(
         column=names[0],
         examples=examples,
     )
+
+
+def _may_be_duty(column: Column) -> bool:
+    return "duty" in column.quantities or any(similar_to(text, "duty") for text in column.texts)
 
 
 def duplicate_columns(columns: Sequence[Column]) -> RunFileError:

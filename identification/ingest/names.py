@@ -41,12 +41,13 @@ __all__ = [
 
 _NAME_LISTS = {
     "time": "time, t, timestamp, time stamp, elapsed time, x axis, date time, zeit, uhrzeit, "
-    "zeitstempel",
-    "voltage": "voltage, v, u, vm, um, va, ua, vmot, spannung",
-    "current": "current, i, im, ia, imot, strom",
+    "zeitstempel, temps, tempo, tiempo",
+    "voltage": "voltage, v, u, vm, um, va, ua, vmot, spannung, tensão, tensao, tensión, tensione",
+    "current": "current, i, im, ia, imot, strom, courant, corrente, corriente",
     "speed": "speed, velocity, vel, omega, ω, w, n, angular velocity, angular speed, "
-    "rotational speed, rpm, drehzahl, winkelgeschwindigkeit, drehgeschwindigkeit",
-    "temperature": "temperature, temp, t, theta, ϑ, temperatur",
+    "rotational speed, rpm, drehzahl, winkelgeschwindigkeit, drehgeschwindigkeit, vitesse, "
+    "vitesse angulaire, velocidade, velocidade angular, velocidad, velocidad angular, velocità",
+    "temperature": "temperature, temp, t, theta, ϑ, temperatur, température, temperatura",
     "angle": "position, pos, angle, theta, phi, φ, θ, encoder position, encoder angle, winkel, "
     "drehwinkel, geberwinkel, rotorlage, wellenlage",
     "duty": "duty, duty cycle, dutycycle, duty ratio, pwm, pwm duty, pwm duty cycle, tastgrad, "
@@ -145,10 +146,11 @@ def similar_to(text: str, quantity: str) -> bool:
     """Return True if a header without an accepted name resembles one of this quantity.
 
     Setpoints and limits are excluded, so that no message suggests fitting a command as a
-    measurement.
+    measurement.  A duty cycle is always a command.
     """
     words = _words(text[:LONGEST_CELL])
-    if _SETPOINT_WORDS.intersection(words) or any(word.startswith("set") for word in words):
+    is_set = _SETPOINT_WORDS.intersection(words) or any(word.startswith("set") for word in words)
+    if is_set and quantity != "duty":
         return False
     wanted = [name for name in NAMES[quantity] if len(name) > 2]
     if any(word.startswith(name) for word in words for name in wanted):

@@ -50,6 +50,16 @@ def test_voltage_is_duty_times_bus_voltage(duty: str, bus: str, percent: float) 
     assert "unused_columns" not in [w.code for w in run.warnings]
 
 
+@pytest.mark.parametrize("name", ["pwm_cmd", "PWM_input", "duty_set"])
+def test_a_commanded_duty_is_proposed_for_a_missing_voltage(name: str) -> None:
+    """Microcontrollers log the command; only the user knows the voltage per count."""
+    columns = {key: values for key, values in RECORD.items() if key != "voltage_V"}
+    with pytest.raises(errors.MissingColumn) as caught:
+        read_run(pd.DataFrame(columns | {name: np.round(255 * RECORD["voltage_V"] / 48.0)}))
+    assert f"the voltage may be '{name}' times" in str(caught.value)
+    assert {"voltage_V": {"column": name, "scale": "VOLT_PER_DUTY"}} in caught.value.examples
+
+
 def test_logged_voltage_has_priority() -> None:
     """The voltage at the motor contains the drops of the chopper, the product does not."""
     columns = {**RECORD, **chopped("duty [%]", "bus voltage [V]", 90.0)}

@@ -35,6 +35,11 @@ from identification.ingest.names import is_units_row, similar_to
         ("Rotorwinkel [°]", "angle", "deg"),
         ("motorspeed_rpm", "speed", "rpm"),
         ("windingTemperature_degC", "temperature", "degC"),
+        ("Tempo (ms)", "time", "ms"),
+        ("Tensão [V]", "voltage", "V"),
+        ("Corrente (mA)", "current", "mA"),
+        ("velocidad_angular_rad/s", "speed", "rad/s"),
+        ("vitesse [rpm]", "speed", "rpm"),
     ],
 )
 def test_header_contains_one_quantity_and_its_unit(text: str, quantity: str, unit: str) -> None:
