@@ -35,7 +35,7 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
     A part that the result does not have, or that its values do not allow, is empty.
     """
     # Lazy imports, here and in the other views: scipy would slow down every start.
-    from identification.reporting.excerpt import report_figures
+    from identification.reporting.figures.drawn import report_figures
     from identification.reporting.headline import headline_sentences, key_figures
     from identification.reporting.tables import error_rows, feedback_tables, parameter_rows
     from identification.reporting.warnings import warning_groups

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from identification.reporting.excerpt import report_figures
 from identification.reporting.figures.chart import Band, Line, chart
+from identification.reporting.figures.drawn import report_figures
 from identification.reporting.html import render_report
 from tests.reports import make_report
 

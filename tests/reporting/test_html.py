@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification.reporting.excerpt import report_figures
+from identification.reporting.figures.drawn import report_figures
 from identification.reporting.html import content_security_policy, render_report
 from identification.result.report_data import PosteriorChain, ReportData
 from tests.reports import make_report

@@ -1,9 +1,12 @@
 """Charts drawn as SVG, for pages that need no script.
 
     drawn_chart(step_figure(steps))
+    for figure in report_figures(text, "missing"):
+        figure.svg, figure.caption
 
-The same function draws the charts that a finished report contains: their data are a block of JSON,
-of which only numbers, known marks and escaped text reach the drawing.
+A finished report contains text of strangers and runs in a sandbox.  A page that shows its charts
+does not, so they are drawn anew from their data, a block of JSON: only numbers, known marks and
+escaped text reach the drawing.
 """
 
 from __future__ import annotations
@@ -12,21 +15,27 @@ import html
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from markupsafe import Markup
 
 from identification.arrays import Array
 from identification.reporting.svg import Frame, axes, band, dots, line, path, span, svg, text
 
-__all__ = ["CHART", "drawn_chart"]
+__all__ = ["ReportFigure", "drawn_chart", "report_figures"]
 
-CHART: Final = re.compile(
+_CHART: Final = re.compile(
     r'<div class="chart" role="img" aria-label="(?P<words>[^"]*)">'
     r'<script type="application/json">(?P<spec>[^<]*)</script></div>'
 )
-"""Element of a chart in a report."""
-
+_SECTION: Final = '<section id="{}">(.*?)</section>'
+_FIGURE: Final = re.compile(
+    rf'<figure(?: class="(?P<kind>[a-z ]*)")?>\s*(?P<chart>{_CHART.pattern})\s*'
+    r"<figcaption>(?P<caption>.*?)</figcaption>",
+    re.DOTALL,
+)
 _KIND: Final = re.compile(r"[a-z]+[0-9]?")
 _LEFT, _RIGHT, _TOP, _BOTTOM = 80.0, 10.0, 10.0, 42.0
 _KEY: Final = 18.0
@@ -42,7 +51,7 @@ def drawn_chart(element: str, width: float = 460.0) -> str:
     Raises:
         ValueError: The element is not a chart, or its data are not plottable.
     """
-    found = CHART.fullmatch(element)
+    found = _CHART.fullmatch(element)
     if found is None:
         raise ValueError("not the element of a chart")
     try:
@@ -50,6 +59,36 @@ def drawn_chart(element: str, width: float = 460.0) -> str:
         return _drawn(spec, html.unescape(found["words"]), width)
     except (KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError("the data of the chart are incomplete") from error
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """One figure of a report."""
+
+    svg: Markup
+    """SVG element; its classes are those of the style sheet of the page."""
+    caption: str
+    is_wide: bool
+    """Whether the figure has the width of the page."""
+
+
+def report_figures(text: str, section: str) -> list[ReportFigure]:
+    """Charts of the section of a report with an id, in their order; empty if it has none.
+
+    The section is ``missing`` for the evidence of the effects, ``summary`` for the first screen,
+    ``loop`` for the step responses.  Charts that cannot be drawn are omitted.
+    """
+    found = re.search(_SECTION.format(re.escape(section)), text, re.DOTALL)
+    figures = []
+    for match in _FIGURE.finditer(found.group(1)) if found else ():
+        is_wide = match["kind"] == "wide"
+        try:
+            drawn = drawn_chart(match["chart"], 920.0 if is_wide else 460.0)
+        except ValueError:
+            continue
+        svg = Markup(drawn)  # noqa: S704  text is escaped where it is drawn
+        figures.append(ReportFigure(svg, html.unescape(match["caption"]), is_wide))
+    return figures
 
 
 def _drawn(spec: Mapping[str, Any], words: str, width: float) -> str:
