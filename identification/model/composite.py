@@ -190,7 +190,7 @@ class MotorModel:
             if isinstance(term, AbstractSupply):
                 voltage = term.supplied(voltage, signals, v)
         winding, magnet = _temperatures(parts, signals)
-        signals = replace(signals, winding_temperature=winding, magnet_temperature=magnet)
+        signals = replace(signals, winding_temperature=winding)
 
         factor = {name: ca.SX(1) for name in ("Ra", "Kt", "L", "J", "b")}
         torque, lost = ca.SX(0), ca.SX(0)

@@ -108,8 +108,6 @@ class Signals:
     """Time derivative of the logged temperature, smoothed [K/s]."""
     winding_temperature: Expression = None
     """Effective temperature of the winding [degC]."""
-    magnet_temperature: Expression = None
-    """Effective temperature of the magnet [degC]."""
     turn: Expression = None
     """Change of the angle over an integration step, for torques that are averages over it; None for
     instantaneous ones [rad]."""

@@ -30,7 +30,7 @@ def effect_entries(
     `known` says whether each parameter is identified.
     """
     terms = {term.name: term for term in effects_of(final.simulator.model.terms)}
-    estimates = dict(zip(final.coordinates.names, final.values, strict=True))
+    estimates = final.by_name
     entries = []
     for found in outcome.effects if outcome else ():
         term = terms[found.name]
@@ -39,7 +39,7 @@ def effect_entries(
             full = f"{found.name}.{parameter.name}"
             parameters[parameter.name] = parameter_entry(
                 draws[full], parameter.unit, known[full]
-            ) | {"estimate": float(estimates[full]), "meaning": parameter.meaning}
+            ) | {"estimate": estimates[full], "meaning": parameter.meaning}
         entries.append(
             {
                 "name": found.name,

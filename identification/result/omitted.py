@@ -84,8 +84,7 @@ def confounded_warnings(
 
 def _confounded(final: Fit, term: OmittedTerm) -> ResultWarning:
     """Warning on one confounded parameter: the alternative, and the measurement that decides."""
-    values = dict(zip(final.coordinates.names, final.values, strict=True))
-    name = term.parameter
+    values, name = final.by_name, term.parameter
     there = dict(zip(final.coordinates.names, final.position, strict=True))
     moved = np.array([there[key] + term.steps.get(key, 0.0) for key in final.coordinates.names])
     low = final.coordinates.values(np.clip(moved, final.coordinates.lower, np.inf))

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.diagnosis.outliers import outlying_run_warnings
+from identification.diagnosis.outliers import outlying_run_warnings, root_mean_square
 from identification.diagnosis.residual import pooled_errors
 from identification.fit.evaluate import Simulated
 from identification.result.entries import NEAR_NOISE, finite_or_null
@@ -145,8 +145,8 @@ def worse_warnings(
     """
     found = []
     for run in dict.fromkeys(one.record.name for one in after):
-        nominal = _rms([one for one in before if one.record.name == run])
-        final = _rms([one for one in after if one.record.name == run])
+        nominal = root_mean_square([one for one in before if one.record.name == run])
+        final = root_mean_square([one for one in after if one.record.name == run])
         for channel, name in enumerate(CHANNELS):
             ratio = final[channel] / noise[channel]
             # A simulation that diverges is NaN, which is not worse than any limit.
@@ -162,14 +162,6 @@ def worse_warnings(
                 )
                 found.append(ResultWarning(_CODE, "warning", message, _WORSE_FIX, "declared"))
     return found
-
-
-def _rms(simulated: Sequence[Simulated]) -> Array:
-    """(2,) RMS error of current and speed [A, rad/s]; zero if all samples have zero weight."""
-    weighted = [(s.record.weight, s.residual) for s in simulated]
-    squares = np.sum([np.sum(np.where(w > 0, w * r**2, 0), axis=0) for w, r in weighted], axis=0)
-    counts = np.sum([np.sum(s.record.weight, axis=0) for s in simulated], axis=0)
-    return np.asarray(np.sqrt(squares / np.maximum(counts, 1.0)))
 
 
 def _errors(simulated: Sequence[Simulated], noise: Array) -> Errors | None:
