@@ -15,13 +15,13 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Request
 from fastapi.responses import HTMLResponse
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.http import HELP_PREFIX, LOGIN_PATH
 from app.http.gate import wants_page
 from app.http.problems import MEDIA_TYPE
+from identification.reporting.page import page_environment
 
 __all__ = ["PLOT_FILES", "STATIC_FILES", "ErrorPages", "Page"]
 
@@ -30,14 +30,6 @@ STATIC_FILES = Path(__file__).parent / "static"
 
 PLOT_FILES = Path(str(files("identification"))) / "reporting" / "templates" / "vendor"
 """uPlot, as bundled with the report."""
-
-_TEMPLATES = Environment(
-    loader=FileSystemLoader(Path(__file__).parent / "templates"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
 
 
 def _pages_for(request: Request) -> Callable[..., HTMLResponse]:
@@ -55,7 +47,7 @@ def _page(
     template: str, *, status: int = 200, headers: dict[str, str] | None = None, **values: Any
 ) -> HTMLResponse:
     """Render a template, whose name has no ending, with these variables."""
-    text = _TEMPLATES.get_template(f"{template}.html.j2").render(values)
+    text = page_environment("app.pages").get_template(f"{template}.html.j2").render(values)
     return HTMLResponse(text, status_code=status, headers=headers)
 
 
