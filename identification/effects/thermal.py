@@ -61,6 +61,7 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     """Lower bound of R_th, as the rise at the loss scale [K]."""
 
     name = "self_heating"
+    heats = True
     confusions = (RESISTANCE,)
     equation = "thermal"
     drivers = ("current",)

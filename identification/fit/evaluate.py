@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
+from identification.effects.effect import effects_of
 from identification.fit.initial import fitted_initial_states
 from identification.fit.order_tracking import tracked
 from identification.fit.solve import Fit
@@ -92,10 +93,15 @@ def voltage_noise_power(fit: Fit) -> Array:
     return squares_of(records, changes) / np.maximum(fit.weighting.counts, 1.0)
 
 
+def heating_effects(fit: Fit) -> list[str]:
+    """Names of the effects that heat the winding by its own losses."""
+    return [term.name for term in effects_of(fit.simulator.model.terms) if term.heats]
+
+
 def largest_heating(fit: Fit) -> float:
     """Largest rise of the winding by its own losses in the training records; 0 without one [K]."""
-    names = fit.simulator.model.state_names
-    rises = [k for k, name in enumerate(names) if name.startswith("self_heating.")]
+    own, names = heating_effects(fit), fit.simulator.model.state_names
+    rises = [k for k, name in enumerate(names) if name.partition(".")[0] in own]
     if not rises:
         return 0.0
     trajectories = fit.simulator.states(fit.values[:, None], fit.states)

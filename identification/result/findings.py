@@ -17,6 +17,7 @@ from identification.diagnosis.outliers import noise_without_outlying_runs, root_
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import (
     Simulated,
+    heating_effects,
     largest_heating,
     simulate_fitted,
     simulate_unseen,
@@ -128,7 +129,7 @@ class Findings:
         runs = self.simulated["after"]
         error = root_mean_square(runs["validation"] or runs["training"])
         judged = self.outcome.given(error / np.maximum(NEAR_NOISE * self.noise, 1e-300))
-        return judged.doubting("self_heating") if self.overheating else judged
+        return judged.doubting(heating_effects(self.final)) if self.overheating else judged
 
     @cached_property
     def overheating(self) -> list[Finding]:

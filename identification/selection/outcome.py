@@ -155,11 +155,11 @@ class Outcome:
             ),
         )
 
-    def doubting(self, name: str) -> Outcome:
-        """The outcome with a term outside the catalogue in place of an effect that cannot be."""
+    def doubting(self, names: Sequence[str]) -> Outcome:
+        """The outcome with a term outside the catalogue in place of effects that cannot be."""
         effects = tuple(
             replace(found, probability=0.0, alternatives=(), outside=1.0)
-            if found.name == name
+            if found.name in names
             else found
             for found in self.effects
         )

@@ -74,7 +74,7 @@ def test_alternatives_of_a_subset_remain_if_the_budget_allows_none_on_all_sample
 def test_heating_that_no_winding_endures_is_left_to_a_term_outside_the_catalogue() -> None:
     """Other effects of the model keep their probabilities."""
     friction = replace(HEATING, name="coulomb_friction")
-    doubted = Outcome(cast(Fit, None), (HEATING, friction), ()).doubting("self_heating")
+    doubted = Outcome(cast(Fit, None), (HEATING, friction), ()).doubting(["self_heating"])
 
     assert doubted.effects[0].probability == 0.0
     assert doubted.effects[0].others == [("unlisted", 1.0)]
