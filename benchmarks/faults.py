@@ -95,7 +95,7 @@ def seen(fault: Fault, motor: int, rows: int) -> Seen:
             return Seen("refuse", "refuse", None, str(error))
         verdict = check_runs(runs)
         before = "warn" if _remarked(runs) else ""
-        findings = verdict.refused or verdict.suspected
+        findings = verdict.refused or verdict.findings
         words = str(findings[0]) if findings else ""
         after = findings[0].severity if findings else before
         corrections = [word for f in findings for word in f.corrections]

@@ -59,11 +59,6 @@ class Verdict:
         """Findings that block a fit."""
         return tuple(f for f in self.findings if f.severity == "refuse")
 
-    @property
-    def suspected(self) -> tuple[Finding, ...]:
-        """Findings that are only reported."""
-        return tuple(f for f in self.findings if f.severity == "suspect")
-
 
 def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""

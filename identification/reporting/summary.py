@@ -34,17 +34,14 @@ POOR_FIT = 0.5
 """NRMSE above which a fit is poor regardless of its noise ratio [-]."""
 
 
-def summary_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]:
-    """Summary of the data, the effects, the fit quality, the parameters and the closed loop.
-
-    `coloured` names the channels whose residual is not white on the deciding runs.
-    """
+def summary_sentences(result: Entry) -> list[str]:
+    """Summary of the data, the effects, the fit quality, the parameters and the closed loop."""
     sentences = [
         _forced(result),
         _campaign(result["runs"]),
         _effects(result),
         _shifted(result),
-        _quality(result, coloured),
+        _quality(result),
         identified_sentence(result),
         _given(result),
         loop_sentence(result),
@@ -138,7 +135,7 @@ def _shifted(result: Entry) -> str:
     return f"Without {cause}, the fit estimates {listed(biases)}."
 
 
-def _quality(result: Entry, coloured: Sequence[str]) -> str:
+def _quality(result: Entry) -> str:
     role, errors = deciding_errors(result)
     ratios = {
         channel: errors[channel]["noise_ratio"]
@@ -154,12 +151,15 @@ def _quality(result: Entry, coloured: Sequence[str]) -> str:
             for name, ratio in ratios.items()
         ]
     )
-    verdict = verdict_words(result, coloured)
+    verdict = verdict_words(result)
     return f"On the {role} runs, the ratio of RMSE to sensor noise is {ratio_text}: {verdict}."
 
 
-def verdict_words(result: Entry, coloured: Sequence[str]) -> str:
-    """Interpretation of the noise ratios on the deciding runs; empty if there are none."""
+def verdict_words(result: Entry, coloured: Sequence[str] = ()) -> str:
+    """Interpretation of the noise ratios on the deciding runs; empty if there are none.
+
+    `coloured` names the channels whose residual is not white on these runs.
+    """
     _, errors = deciding_errors(result)
     known = {name: error for name, error in errors.items() if error}
     ratios = [error["noise_ratio"] for error in known.values() if error["noise_ratio"] is not None]

@@ -106,7 +106,7 @@ def swapped(
     return refitted_with(bare, new, starts or [there], limits)
 
 
-def with_known_amplitudes(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:
+def with_known_amplitudes(fit: Fit) -> Fit:
     """The fit with the prior scale of per-record amplitudes set to their size in these runs.
 
     The amplitudes of a new run are then expected to be as large as those of the fitted runs.
@@ -125,7 +125,7 @@ def with_known_amplitudes(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:
             terms.append(term.expecting(sizes[term.name]) if is_new else term)
         if tuple(terms) == model.terms:
             break
-        found = _refitted(fit, replace(model, terms=tuple(terms)), (), limits)
+        found = _refitted(fit, replace(model, terms=tuple(terms)), (), _LIMITS)
         # Amplitudes of the expected size cost a half each; a larger rise is another optimum.
         if not found.cost < fit.cost + own * len(fit.states):
             break

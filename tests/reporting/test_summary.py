@@ -86,7 +86,7 @@ def test_a_residual_of_the_validation_runs_alone_leaves_the_cause_open(
 
 def test_a_good_ratio_with_a_coloured_residual_is_reported(result: dict[str, Any]) -> None:
     """Noise estimated from the residual makes the ratio 1 for any model; whiteness decides."""
-    told = " ".join(summary_sentences(result, coloured=["speed"]))
+    told = " ".join(headline_sentences(result, coloured=["speed"]))
 
     assert "does not exceed the sensor noise" not in told
     assert "the residual of the speed is not white" in told
