@@ -36,7 +36,12 @@ def check_text(field: str, text: str, longest: int = _LONGEST) -> None:
         FieldRefused: The text is not accepted.
     """
     if len(text) > longest or not text.isprintable():
-        raise FieldRefused(f"{field}: expected at most {longest} printable characters", field)
+        is_long = len(text) > longest
+        found = f"{len(text)} characters" if is_long else "an unprintable character"
+        remedy = "shorten the text" if is_long else "remove it"
+        raise FieldRefused(
+            f"{field}: {found}; expected at most {longest} printable characters; {remedy}", field
+        )
 
 
 def checked_label(field: str, text: str | None) -> str | None:

@@ -117,7 +117,7 @@ def rename(
     page: Page,
     services: ServicesDep,
     caller: CallerDep,
-    name: Annotated[str, Form(max_length=1_000)] = "",
+    name: Annotated[str, Form(max_length=10_000)] = "",
     motor: MotorFilter = None,
 ) -> HTMLResponse:
     """Set the motor of a run."""

@@ -25,9 +25,9 @@ __all__ = ["finding_view", "pending_list_view", "pending_view", "router"]
 
 router = APIRouter(prefix=PENDING_PATH, include_in_schema=False)
 
-_FIELDS = {"motor": 1_000, "bench": 1_000}
+_FIELDS = {"motor": 10_000, "bench": 10_000}
 
-Label = Annotated[str, Form(max_length=1_000)]
+Label = Annotated[str, Form(max_length=10_000)]
 
 _CHANNELS: Final = {
     "time_s": "Time",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,13 +26,15 @@ if TYPE_CHECKING:
 
 __all__ = ["FIELDS", "Upload", "UploadForm", "boundary_of", "label"]
 
-FIELDS: Final = {"motor": 1_000, "mapping": 10_000}
+FIELDS: Final = {"motor": 10_000, "mapping": 10_000}
 """Form fields in addition to `file`, with the maximum size of each [bytes].
 
 A mapping has one entry for each of six channels; a fit takes 400 runs with one mapping each.
 """
 
 _LONGEST_LABEL = 200
+_LONGEST_HEADER = 4_000
+"""Maximum size of a header of a part, which includes the name of the file [bytes]."""
 _MOST_PARTS = 10
 
 
@@ -104,15 +107,15 @@ class UploadForm:
         self._ended = False
         callbacks: MultipartCallbacks = {
             "on_part_begin": self._part_begins,
-            "on_header_field": lambda data, start, end: self._header[0].extend(data[start:end]),
-            "on_header_value": lambda data, start, end: self._header[1].extend(data[start:end]),
+            "on_header_field": lambda *part: self._header_data(self._header[0], *part),
+            "on_header_value": lambda *part: self._header_data(self._header[1], *part),
             "on_header_end": self._header_ends,
             "on_headers_finished": self._headers_end,
             "on_part_data": self._data,
             "on_end": self._end,
         }
         try:
-            self._parser = MultipartParser(boundary, callbacks)
+            self._parser = MultipartParser(boundary, callbacks, max_header_size=sys.maxsize)
         except FormParserError as error:
             raise BadRequest("the boundary of the form is invalid") from error
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
@@ -176,6 +179,15 @@ class UploadForm:
         self._disposition = b""
         self._into = None
 
+    def _header_data(self, received: bytearray, data: bytes, start: int, end: int) -> None:
+        received += data[start:end]
+        if len(received) > _LONGEST_HEADER:
+            raise FieldRefused(
+                f"the name of the file is too long: its header has at least {len(received)} bytes; "
+                f"expected at most {_LONGEST_HEADER}; shorten the name",
+                "file",
+            )
+
     def _header_ends(self) -> None:
         name, value = self._header
         if name.lower() == b"content-disposition":
@@ -188,7 +200,9 @@ class UploadForm:
         if field == "file":
             if self._name is not None:
                 raise FieldRefused("the form has two files; send one run per form", "file")
-            self._name = label(options.get(b"filename", b"").decode("utf-8", "replace"))
+            # Browsers write a quotation mark of the name as %22 (WHATWG HTML, multipart/form-data).
+            name = options.get(b"filename", b"").replace(b"%22", b'"')
+            self._name = label(name.decode("utf-8", "replace"))
             self._into = None
         elif field not in self._accepted:
             raise FieldRefused(

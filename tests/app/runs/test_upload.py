@@ -92,6 +92,31 @@ def test_unknown_field_is_refused(tmp_path: Path) -> None:
         received(tmp_path / "x", body().replace(b'name="motor"', b'name="mappings"'))
 
 
+def fed(target: Path, content: bytes, step: int) -> None:
+    """Parse a body that arrives in chunks of this size [bytes]."""
+    with UploadForm(b"boundary", target, limit=10_000) as form:
+        for start in range(0, len(content), step):
+            form.feed(content[start : start + step])
+
+
+@pytest.mark.parametrize("step", [7, 100_000])
+def test_long_name_of_a_file_is_refused_with_the_limit(tmp_path: Path, step: int) -> None:
+    """A header has at most 4000 bytes, whether it arrives in many chunks or in one."""
+    content = body().replace(b"a.csv", b"a" * 5000 + b".csv")
+
+    with pytest.raises(FieldRefused, match="at most 4000; shorten the name"):
+        fed(tmp_path / "x", content, step)
+
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_quotation_mark_in_a_name_is_as_the_browser_received_it(tmp_path: Path) -> None:
+    """WHATWG HTML, multipart/form-data encoding: a browser sends a quotation mark as %22."""
+    sent = body().replace(b"a.csv", b"a %22quoted%22 run, 100 %25.csv")
+
+    assert received(tmp_path / "x", sent).name == 'a "quoted" run, 100 %25.csv'
+
+
 @pytest.mark.parametrize(
     ("sent", "shown"),
     [
