@@ -10,7 +10,13 @@ from identification.errors import DuplicateColumn, MissingColumn, RunFileError, 
 from identification.examples import Example
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import OPTIONAL_CHANNELS
-from identification.ingest.names import is_units_row, read_header, similar_to, unbracketed
+from identification.ingest.names import (
+    is_setpoint,
+    is_units_row,
+    read_header,
+    similar_to,
+    unbracketed,
+)
 from identification.ingest.units import (
     CHANNEL_QUANTITIES,
     Unit,
@@ -122,7 +128,12 @@ def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
         if not (is_chopped and "bus voltage" in column.quantities)
         and (
             any(similar_to(text, quantity) for text in column.texts)
-            or (column.unit is not None and column.unit.quantity == quantity and not column.texts)
+            or (
+                column.unit is not None
+                and column.unit.quantity == quantity
+                and not column.quantities
+                and not any(map(is_setpoint, column.texts))
+            )
         )
     ]
 

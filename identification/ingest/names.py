@@ -34,6 +34,7 @@ __all__ = [
     "NAMES",
     "HeaderText",
     "is_channel_name",
+    "is_setpoint",
     "is_units_row",
     "read_header",
     "similar_to",
@@ -42,7 +43,8 @@ __all__ = [
 _NAME_LISTS = {
     "time": "time, t, timestamp, time stamp, elapsed time, x axis, date time, zeit, uhrzeit, "
     "zeitstempel, temps, tempo, tiempo",
-    "voltage": "voltage, v, u, vm, um, va, ua, vmot, spannung, tensão, tensao, tensión, tensione",
+    "voltage": "voltage, v, u, vm, um, va, ua, vmot, umot, spannung, tensão, tensao, tensión, "
+    "tensione",
     "current": "current, i, im, ia, imot, strom, courant, corrente, corriente",
     "speed": "speed, velocity, vel, omega, ω, w, n, angular velocity, angular speed, "
     "rotational speed, rpm, drehzahl, winkelgeschwindigkeit, drehgeschwindigkeit, vitesse, "
@@ -142,16 +144,20 @@ def unbracketed(cell: str) -> str:
     return parts[1] if parts is not None and not parts[0] else cell
 
 
+def is_setpoint(text: str) -> bool:
+    """Return True for setpoints and limits, so that no message suggests to fit a command."""
+    words = _words(text[:LONGEST_CELL])
+    return bool(_SETPOINT_WORDS.intersection(words)) or any(w.startswith("set") for w in words)
+
+
 def similar_to(text: str, quantity: str) -> bool:
     """Return True if a header without an accepted name resembles one of this quantity.
 
-    Setpoints and limits are excluded, so that no message suggests fitting a command as a
-    measurement.  A duty cycle is always a command.
+    Setpoints are excluded; a duty cycle is always a command.
     """
-    words = _words(text[:LONGEST_CELL])
-    is_set = _SETPOINT_WORDS.intersection(words) or any(word.startswith("set") for word in words)
-    if is_set and quantity != "duty":
+    if quantity != "duty" and is_setpoint(text):
         return False
+    words = _words(text[:LONGEST_CELL])
     wanted = [name for name in NAMES[quantity] if len(name) > 2]
     if any(word.startswith(name) for word in words for name in wanted):
         return True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from identification.ingest import describe_column
+from identification.ingest.columns import similar_columns
 from identification.ingest.names import is_units_row, similar_to
 
 
@@ -110,3 +111,22 @@ def test_units_row_is_distinguished_from_names() -> None:
     assert is_units_row(["[s]", "(V)"])
     assert not is_units_row(["time", "speed", "current", "A"])
     assert not is_units_row(["", ""])
+
+
+@pytest.mark.parametrize(
+    ("text", "channel", "similar"),
+    [
+        ("Ucell [V]", "voltage_V", True),
+        ("Ucell [V]", "current_A", False),
+        ("T_case [degC]", "temperature_degC", True),
+        ("Ucell_set [V]", "voltage_V", False),
+        ("V_bus (V)", "voltage_V", False),
+    ],
+)
+def test_unknown_name_with_the_unit_of_a_channel_is_offered(
+    text: str, channel: str, similar: bool
+) -> None:
+    """The unit names the quantity; a set point and a supply have one, too, and are not offered."""
+    column = describe_column(0, [text])
+
+    assert similar_columns(channel, [column]) == [column] * similar
