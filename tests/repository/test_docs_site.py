@@ -128,10 +128,15 @@ def test_search_finds_pages_and_generated_references(site: Path) -> None:
 
 @needs_browser
 def test_service_shows_the_site_within_its_policy(site: Path, tmp_path: Path) -> None:
-    """Chromium logs each violation of the policy; the search field exists, so the scripts ran."""
+    """Chromium logs each violation of the policy; the search field exists, so the scripts ran.
+
+    Only a page of the service has the way back to its start page.
+    """
     with serving(tmp_path / "data", HELP_DIR=site) as server:
         shown = show(f"{server.url}/help/effects.html?q=brush", tmp_path)
+    alone = show((site / "effects.html").as_uri(), tmp_path)
 
+    assert ['href="/"' in page.dom for page in (shown, alone)] == [True, False]
     assert shown.console == []
     assert all(address.startswith(f"{server.url}/help/") for address in shown.requests)
     assert any("search_index.json" in address for address in shown.requests)
