@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -139,16 +138,15 @@ def design_view(design: Design) -> dict[str, Any]:
     return {
         "figure": figure("proposed run", lambda: drawn_chart(profile_figure(time, voltage), _WIDE)),
         "summary": [with_symbols(text) for text in design.entry["summary"]],
-        "widths": [
-            (
-                name,
-                unit_text(one["unit"]),
-                number_text(one["value"]),
-                *(number_text(one[f"width_{when}"], 3) for when in ("before", "after")),
-            )
-            for name, one in design.entry["parameters"].items()
-        ],
+        "widths": [_width_row(*item) for item in design.entry["parameters"].items()],
     }
+
+
+def _width_row(name: str, entry: Mapping[str, Any]) -> tuple[str, ...]:
+    widths = [entry["width_before"], entry["width_after"]]
+    factor, unit = unit_prefix(entry["unit"], [entry["value"], *widths])
+    value, *widths = (size if size is None else factor * size for size in (entry["value"], *widths))
+    return name, unit_text(unit), number_text(value), *(number_text(size, 3) for size in widths)
 
 
 def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> dict[str, Any]:
@@ -169,9 +167,9 @@ def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> di
     ]
     changes = drifts(compared)
     causes = explanations(compared)
-    labels = _dates([datetime.fromisoformat(requested_at[refit.fit]) for refit in compared])
+    times = [requested_at[refit.fit] for refit in compared]
     drawn = [
-        figure(f"history of {name}", history_figure, name, compared, changes, labels)
+        figure(f"history of {name}", history_figure, name, compared, changes, times)
         for name in DECLARED_PARAMETERS
     ]
     return {
@@ -197,12 +195,6 @@ def _causes(explanation: Explanation | None) -> str:
         f"{percent_text(probability, 2)} {name.replace('_', ' ')}"
         for name, probability in likely.items()
     )
-
-
-def _dates(moments: Sequence[datetime]) -> list[str]:
-    """Dates of the fits; times of the day if all are of one day."""
-    has_one_day = len({moment.date() for moment in moments}) == 1
-    return [f"{moment:%H:%M} UTC" if has_one_day else f"{moment:%Y-%m-%d}" for moment in moments]
 
 
 def _fit_row(refit: Refit, changed: Sequence[str]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from identification.design.propose import Proposal
 from identification.design.quantity import Quantity, parameter_quantity
 from identification.design.response import load_shape
 from identification.result.entries import finite_or_null
+from identification.result.numbers import unit_prefix
 
 __all__ = ["profile_csv", "proposal_entry", "summary"]
 
@@ -109,10 +110,12 @@ def summary(proposal: Proposal) -> list[str]:
     chosen = [quantity] if quantity else _widest(proposal)
     for one in chosen:
         width = _widths(proposal, one)
-        unit = "" if one.unit in ("-", "1") else f" {one.unit}"
+        now, then = width["width_before"], width["width_after"]
+        factor, unit = unit_prefix(one.unit, [now, then])
+        unit = "" if unit in ("-", "1") else f" {unit}"
         sentences.append(
-            f"Expected 90 % interval of {one.name}: {width['width_after']:.3g}{unit} wide instead "
-            f"of {width['width_before']:.3g}{unit}."
+            f"Expected 90 % interval of {one.name}: {factor * then:.3g}{unit} wide instead of "
+            f"{factor * now:.3g}{unit}."
         )
     if not quantity:
         sentences.append(f"Expected information on the parameters: {proposal.bits[0]:.1f} bits.")

@@ -10,7 +10,7 @@ from identification.fleet.drift import Drift
 from identification.fleet.figure import framed
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
-from identification.reporting.svg import Frame, path, span, svg, text, tick_words
+from identification.reporting.svg import Frame, path, span, svg, tick_words
 from identification.result.numbers import number_text, scaled_unit, unit_power, unit_prefix
 
 __all__ = ["history_figure"]
@@ -20,12 +20,12 @@ _MOST_LABELS = 4
 
 
 def history_figure(
-    name: str, refits: Sequence[Refit], changes: Sequence[dict[str, Drift]], labels: Sequence[str]
+    name: str, refits: Sequence[Refit], changes: Sequence[dict[str, Drift]], times: Sequence[str]
 ) -> str:
     """SVG of medians with 90 % intervals over fits, oldest first; empty if none identifies it.
 
-    Significant changes against the fit before are highlighted; each fit has a label, such as its
-    date.
+    Significant changes against the fit before are highlighted.  The times of the fits are UTC, ISO
+    8601; the drawing shows their dates, and keeps the times for the script of a page.
     """
     unit = DECLARED_PARAMETERS[name].unit
     shown = [
@@ -45,10 +45,11 @@ def history_figure(
     power = unit_power(factor * largest)
     scale = factor * 10.0**-power
     frame = Frame(_BOX, (-0.5, len(refits) - 0.5), span(scale * low, scale * high, margin=0.12))
-    # A text at each fit, or at some of many.
+    # A date at each fit, or at some of many.
     below = "".join(
-        text(float(frame.x(index)), _BOX[1] + _BOX[3] + 14, labels[index], "tick mid")
-        for index in range(0, len(labels), -(-len(labels) // _MOST_LABELS))
+        f'<text class="tick mid" data-time="{times[index]}" x="{float(frame.x(index)):.1f}" '
+        f'y="{_BOX[1] + _BOX[3] + 14:.1f}">{times[index][:10]}</text>'
+        for index in range(0, len(times), -(-len(times) // _MOST_LABELS))
     )
     words = tick_words(*frame.y_range, 4)
     body = framed(frame, words, f"{name} [{scaled_unit(unit, power)}]", below, at=15)

@@ -316,6 +316,7 @@ def test_designed_run_by_http_is_the_one_of_the_command_line(bench: Bench, tmp_p
     assert answer.json()["design"]["predicted_peaks"]["current"] <= 2.0
     assert "Expected 90 % interval of J" in page.text
     assert "voltage [V]</text>" in page.text, "the profile is plotted"
+    assert re.search(r'<code>L</code> <span class="unit">\[[mµ]H\]', page.text)
     assert "design.csv?limits=current%3D2" in page.text
 
 

@@ -5,6 +5,13 @@ function localTime(text) {
   return new Date(text).toLocaleString("sv-SE", { dateStyle: "short", timeStyle: "short" });
 }
 
+/** Dates on the axis of a drawing; times of the day if all are of one day. */
+function showLocalAxis(labels) {
+  const times = labels.map((label) => localTime(label.dataset.time).split(" "));
+  const isOneDay = new Set(times.map(([date]) => date)).size === 1;
+  labels.forEach((label, index) => (label.textContent = times[index][isOneDay ? 1 : 0]));
+}
+
 function showLocalTimes(root) {
   for (const time of root.querySelectorAll("time[datetime]")) {
     time.title = `${time.dateTime.slice(0, 16).replace("T", " ")} UTC`;
@@ -13,7 +20,16 @@ function showLocalTimes(root) {
   for (const option of root.querySelectorAll("option[data-time]")) {
     option.text = option.text.replace(/[-\d]+ [:\d]+ UTC/, localTime(option.dataset.time));
   }
+  for (const drawing of root.querySelectorAll("svg")) {
+    showLocalAxis([...drawing.querySelectorAll("text[data-time]")]);
+  }
 }
+
+// A selection that overtakes another aborts its request, which htmx would report as two errors.  After
+// a request that did fail, "sendError" or "timeout" follows "afterRequest".
+htmx.logger = (_, name, detail) => {
+  if (name === "htmx:sendAbort" || name === "htmx:afterRequest") delete detail.error;
+};
 
 showLocalTimes(document);
 document.addEventListener("htmx:load", (event) => showLocalTimes(event.detail.elt.parentElement ?? document));
