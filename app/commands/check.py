@@ -18,7 +18,7 @@ from app.commands.files import writable_file
 from app.commands.loading import loading
 from identification.errors import InputError, OptionError, RunFileError
 from identification.result.atomic import write_text
-from identification.result.numbers import number_text, unit_text
+from identification.result.numbers import number_text, unit_prefix, unit_text
 
 __all__ = ["check"]
 
@@ -188,12 +188,12 @@ def _prospects(parameters: Mapping[str, Mapping[str, Any]]) -> Table:
     table.add_column("identified")
     table.add_column("to improve it")
     for name, entry in parameters.items():
-        sd = entry["expected_sd"]
-        width = "undetermined" if sd is None else f"± {number_text(1.645 * sd, 2)}"
+        sd, (factor, unit) = entry["expected_sd"], unit_prefix(entry["unit"], [entry["value"]])
+        width = "undetermined" if sd is None else f"± {number_text(1.645 * factor * sd, 2)}"
         table.add_row(
             name,
-            unit_text(entry["unit"]),
-            "–" if sd is None else number_text(entry["value"], 4),
+            unit_text(unit),
+            "–" if sd is None else number_text(factor * entry["value"], 4),
             width,
             "yes" if entry["identified"] else "NO",
             entry["advice"],

@@ -18,7 +18,14 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 from rich.table import Table
 
-from identification.result.numbers import UNKNOWN, Interval, entry_text, probability_text, unit_text
+from identification.result.numbers import (
+    UNKNOWN,
+    Interval,
+    entry_text,
+    probability_text,
+    unit_prefix,
+    unit_text,
+)
 
 __all__ = [
     "Progress",
@@ -168,10 +175,11 @@ def _parameters(result: Mapping[str, Any]) -> Table:
     for effect in result.get("effects") or ():
         entries |= effect["parameters"]
     for name, entry in entries.items():
-        text = entry_text(entry)
+        factor, unit = unit_prefix(entry["unit"], [entry["median"]])
+        text = entry_text(entry, factor)
         table.add_row(
             name,
-            unit_text(entry["unit"]),
+            unit_text(unit),
             text.median + text.power,
             f"{text.low} .. {text.high}{text.power}",
             known_only_from(entry) or ("yes" if entry["identified"] else "NO"),

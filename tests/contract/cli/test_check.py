@@ -23,6 +23,7 @@ def test_good_runs_are_accepted_with_the_next_command(
     assert shown.err == ""
     for word in ("run1.csv: 800 samples", "run4.csv", "alpha_Kt", "current_A"):
         assert word in shown.out
+    assert re.search(r"^L +mH +\d", shown.out, re.MULTILINE), "the unit of the report"
     assert shown.out.rstrip().splitlines()[-1].startswith("next: motorid fit ")
 
 

@@ -123,6 +123,7 @@ def test_table_names_every_parameter_warnings_first_and_files_last(
     assert set(NAMES) <= set(rows)
     assert rows["alpha_Ra"].split()[-1] == "NO"
     assert rows["Ra25"].split()[-1] == "yes"
+    assert rows["L"].split()[1] == "mH", "the unit of the report"
     assert "25 °C" in shown
     assert "125 °C" in shown
     assert "Settling time, 2 % [ms]" in shown
