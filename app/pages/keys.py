@@ -67,7 +67,8 @@ def revoke(key_id: str, services: ServicesDep, caller: CallerDep) -> Response:
         services.access.revoke_key(key_id, caller.workspace)
     except OptionError as error:
         raise NotFound("there is no such key that can be revoked; /keys lists them") from error
-    return Response(status_code=204, headers={"HX-Refresh": "true"})
+    # A reload would send the form of a key that was created just before once more.
+    return Response(status_code=204, headers={"HX-Redirect": "/keys"})
 
 
 def _check_owner(caller: Caller) -> None:

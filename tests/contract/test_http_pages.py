@@ -140,6 +140,7 @@ def test_keys_of_a_workspace_are_created_and_revoked(browser: httpx.Client, serv
     assert works.status_code == 200
     assert secret not in later
     assert (revoked.status_code, refused.status_code) == (204, 401)
+    assert revoked.headers["HX-Redirect"] == "/keys", "a reload would create the key again"
     assert ">revoked</span>" in browser.get("/keys").text
 
 
