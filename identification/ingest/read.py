@@ -293,7 +293,8 @@ def _header_warnings(
     spare = [column for column in columns if column.index not in used and column.texts]
     if run.temperature is None:
         similar = similar_columns("temperature_degC", spare)
-        found = listed(column.title for column in similar) if similar else "no similar column"
+        titles = listed(column.title for column in similar)
+        found = f"it may be {titles}" if similar else "no similar column"
         blank = "temperature_degC" in channels
         why = "all temperatures are blank" if blank else f"no temperature column ({found})"
         yield locator.warning(

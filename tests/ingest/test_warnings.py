@@ -71,6 +71,17 @@ def test_missing_temperature_gives_a_warning(tmp_path: Path) -> None:
     assert codes(run) == ["no_temperature"]
 
 
+def test_column_in_degrees_may_be_the_missing_temperature(tmp_path: Path) -> None:
+    """A name that is not known is never mapped by its unit, but the warning names the column."""
+    columns = record()
+    columns["T_case [degC]"] = columns.pop("temperature_degC")
+
+    run = read(tmp_path, columns)
+
+    assert codes(run) == ["no_temperature", "unused_columns"]
+    assert "no temperature column (it may be 'T_case [degC]')" in run.warnings[0].message
+
+
 def test_gaps_split_the_run_into_segments(tmp_path: Path) -> None:
     """Samples 1000-1099 and 3000-3009 are missing; lines count from 1 with the header."""
     columns = motor()
