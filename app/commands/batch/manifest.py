@@ -235,6 +235,11 @@ def _path(folder: Path, file: str, place: Place) -> Path:
 def _runs(folder: Path, file: str, place: Place) -> list[Path]:
     """Files that match a name with wildcards, in the order of the numbers in their names."""
     path = _path(folder, file, place)
+    parts = file.split()
+    if len(parts) > 1 and not lexists(path) and all(lexists(folder / part) for part in parts):
+        raise place.wrong(
+            f"{file[:60]!r} is no file; expected semicolons between the files of a run list"
+        )
     # A file may have brackets in its name; a name that matches nothing fails with its motor.
     found = [] if not has_magic(file) or lexists(path) else glob(file, root_dir=folder)
     return [folder / name for name in sorted(found, key=_by_number)] or [path]

@@ -274,6 +274,7 @@ def test_second_batch_in_the_same_directory_is_refused(
         ("m.csv", "motor,training,sed\n", "row 1: has the header 'motor,training,sed'"),
         ("m.csv", "motor,training\nm,a.csv,b.csv\n", "row 2: has 3 cells; expected at most 2"),
         ("m.csv", "motor,training\nm,;\n", "row 2, column training: has no training run"),
+        ("m.csv", "motor,training\nm,m.csv m.csv\n", "'m.csv m.csv' is no file; expected semic"),
         ("m.csv", "motor,training,seed\nm,a.csv,x\n", "row 2, column seed: 'x' is not valid"),
         ("m.csv", "motor,training,seed\nm,a.csv,-1\n", "row 2: seed is -1"),
         ("m.csv", "motor,training,seed\nm,a.csv,1_0\n", "column seed: '1_0' is not valid"),
