@@ -25,6 +25,7 @@ from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
+from identification.checks.supply import supply_current_findings
 from identification.errors import ContradictoryRuns, InputError
 from identification.ingest.run import Run
 from identification.options import FitOptions
@@ -102,6 +103,7 @@ def _single(run: Run, strongest: NDArray[np.float64]) -> list[Finding]:
         copied_findings,
         aliased_findings,
         unlogged_voltage_findings,
+        supply_current_findings,
         magnitude_findings,
         dead_findings,
         stuck_findings,

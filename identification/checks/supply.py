@@ -1,0 +1,104 @@
+"""Detection of a current that was logged in the supply lead of a chopper.
+
+A chopper with the duty cycle d = v / V draws the mean current i_s = d i from a supply of voltage V.
+The balances of the motor then hold for i_s only with both sides multiplied by v,
+
+    v^2 = R V i_s + K v w + u |v|                               electrical power
+    i_s = (J v dw/dt + b v w + c |v| + m v) / (K V)             mechanical power
+
+The logged current is that of the supply if both balances hold better with i_s than with the current
+of the motor, v i in place of V i_s.  A load that drives the shaft leaves the first one unchanged,
+and a locked rotor the second.  The motor current cannot be restored: i = i_s V / v is noise where
+the voltage passes zero.
+
+Source: Erickson and Maksimovic, Fundamentals of Power Electronics (2001), chapter 3 (dc transformer
+model of a converter).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from identification.arrays import Array
+from identification.checks.balance import (
+    Balance,
+    Regression,
+    Signals,
+    balances_of,
+    regress,
+    reverses,
+)
+from identification.checks.finding import Finding
+from identification.ingest.run import Run
+
+__all__ = ["supply_current_findings"]
+
+_MISSED: Final = 0.03
+_BETTER: Final = 0.35
+"""Least unexplained fraction of the current as logged, and largest ratio of the fractions with the
+current of a supply and of a motor; both are those of a restored sign in `checks.signs`."""
+
+
+def supply_current_findings(run: Run, signals: Signals) -> Iterator[Finding]:
+    """Finding for a current that obeys the power balances and not those of a motor."""
+    as_motor = [balance.mechanical for balance in balances_of(signals)]
+    before = min((fit.missed for fit in as_motor if fit is not None), default=0.0)
+    if before < _MISSED:
+        return
+    after = _least(_mechanical(signals), (0,))
+    as_logged = replace(signals, current=signals.voltage * signals.current)
+    is_electrical = _least(_electrical(signals), (0, 1)) < _BETTER * _least(
+        _electrical(as_logged), ()
+    )
+    if is_electrical and after < _BETTER * before:
+        yield Finding(
+            "supply_current",
+            "refuse",
+            run.name,
+            "current_A",
+            "is the current of the supply, i v / V, and not that of the motor: it obeys the power "
+            "balances of a chopper and not the balances of a motor; log the current in the motor "
+            "lead, a motor cannot be identified from the supply current",
+            "unexplained fraction of the current variance by the torque balance",
+            before,
+            max(after / _BETTER, _MISSED),
+        )
+
+
+def _least(fits: list[Regression | None], positive: tuple[int, ...]) -> float:
+    """Least unexplained fraction of the fits in which these coefficients are positive, or 1."""
+    return min(
+        (f.missed for f in fits if f is not None and all(f.values[k] > 0.0 for k in positive)),
+        default=1.0,
+    )
+
+
+def _electrical(signals: Signals) -> list[Regression | None]:
+    """Regressions of v^2 on the current, v w and |v|."""
+    squared = balances_of(replace(signals, speed=signals.voltage**2))
+    return [
+        regress(square.speed, [power.voltage, power.speed, power.current])
+        for square, power in zip(squared, _powers(signals, signals.current), strict=True)
+    ]
+
+
+def _mechanical(signals: Signals) -> list[Regression | None]:
+    """Regressions of the current on v dw/dt, v w, |v| and, if the voltage reverses, v."""
+    fits = []
+    pairs = zip(balances_of(signals), _powers(signals, signals.voltage), strict=True)
+    for plain, power in pairs:
+        regressors = [plain.voltage * plain.speed_rate, power.speed, power.current]
+        if reverses(signals.voltage):
+            regressors.append(plain.voltage)
+        fits.append(regress(plain.current, regressors))
+    return fits
+
+
+def _powers(signals: Signals, first: Array) -> list[Balance]:
+    """Means over windows of a signal, of |v| and of v w, as voltage, current and speed."""
+    size, power = np.abs(signals.voltage), signals.voltage * signals.speed
+    return balances_of(replace(signals, voltage=first, current=size, speed=power))
