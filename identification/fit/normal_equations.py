@@ -31,6 +31,8 @@ _LARGEST = 1e100
 
 _LEAST = 1e-60
 """Least entry of a diagonal, over the largest entry of the matrix."""
+_AT_BOUND = 1e-9
+"""Distance from a bound, over the step, below which it is rounding [-]."""
 
 
 _KEPT: Final = 100_000
@@ -171,10 +173,8 @@ class NormalEquations:
         for _ in range(position.size):
             step[:] = 0.0
             step[free] = _solved(damped[np.ix_(free, free)], gradient[free])
-            beyond = free & (
-                ((position + step < coordinates.lower) & (position <= coordinates.lower))
-                | ((position + step > coordinates.upper) & (position >= coordinates.upper))
-            )
+            room = np.where(step < 0, position - coordinates.lower, coordinates.upper - position)
+            beyond = free & (room <= _AT_BOUND * np.abs(step)) & (step != 0)
             if not beyond.any():
                 break
             free &= ~beyond

@@ -148,17 +148,15 @@ def worse_warnings(
         nominal = root_mean_square([one for one in before if one.record.name == run])
         final = root_mean_square([one for one in after if one.record.name == run])
         for channel, name in enumerate(CHANNELS):
-            ratio = final[channel] / noise[channel]
             # A simulation that diverges is NaN, which is not worse than any limit.
             if not final[channel] <= _WORSE * max(nominal[channel], noise[channel]):
-                message = (
-                    f"{_CODE}: {run}: with {', '.join(effects)} "
-                    + (
-                        f"the RMSE of the {name} is {ratio:.3g} times the sensor noise"
-                        if np.isfinite(ratio)
-                        else f"the simulation of the {name} diverges"
-                    )
-                    + f", with the nominal model {nominal[channel] / noise[channel]:.3g} times"
+                ratio, declared = final[channel] / noise[channel], nominal[channel] / noise[channel]
+                message = f"{_CODE}: {run}: with {', '.join(effects)} " + (
+                    f"the RMSE of the {name} is {ratio:.3g} times the sensor noise, with the "
+                    f"nominal model {declared:.3g} times"
+                    if np.isfinite(ratio)
+                    else f"the simulation of the {name} diverges; with the nominal model its RMSE "
+                    f"is {declared:.3g} times the sensor noise"
                 )
                 found.append(ResultWarning(_CODE, "warning", message, _WORSE_FIX, "declared"))
     return found

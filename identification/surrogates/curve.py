@@ -230,7 +230,7 @@ class AbstractCurve(AbstractForced):
                 found += [ca.sin(order * along), ca.cos(order * along)]
             return [*found, ca.SX(1)][:HEIGHTS]
         width = (self.upper - self.lower) / (HEIGHTS - 3)
-        least, most, _ = _functions_of(along)
+        least, most = _limits_of(along)
         inside = least(most(along, self.lower), self.upper)
         found = []
         for k in range(HEIGHTS):
@@ -238,22 +238,16 @@ class AbstractCurve(AbstractForced):
             wide, narrow = most(2 - off, 0), most(1 - off, 0)
             found.append((wide * wide * wide - 4 * (narrow * narrow * narrow)) / 6)
         if self.along not in STRAIGHT:
+            # Linear extrapolation beyond the observed range.
             for k, slope in self._ends(along):
                 found[k] = found[k] + slope
         return found
 
     def _ends(self, along: Expression) -> list[tuple[int, Expression]]:
-        """Extrapolation beyond both ends: index and increment of each basis function.
-
-        It is linear in the signal, not in its compression, so that the collinear part of the curve
-        cancels there as within the range; otherwise its slope could change sign.
-        """
+        """Linear extrapolation beyond both ends: index and increment of each basis function."""
         twice = 2 * (self.upper - self.lower) / (HEIGHTS - 3)
-        least, most, power = _functions_of(along)
-        grown = power(along)
-        signal = (grown - 1 / grown) / 2
-        below = least(signal - np.sinh(self.lower), 0) / (twice * np.cosh(self.lower))
-        above = most(signal - np.sinh(self.upper), 0) / (twice * np.cosh(self.upper))
+        least, most = _limits_of(along)
+        below, above = least(along - self.lower, 0) / twice, most(along - self.upper, 0) / twice
         return [(0, -below), (2, below), (HEIGHTS - 3, -above), (HEIGHTS - 1, above)]
 
 
@@ -266,11 +260,9 @@ def _drawn(term: AbstractCurve) -> ca.Function:
     return ca.Function("drawn", [ca.vertcat(*symbols.values())], [both])
 
 
-def _functions_of(along: Expression) -> tuple[Callable[..., Expression], ...]:
-    """Elementwise minimum, maximum and exponential, for arrays and for expressions."""
-    if isinstance(along, np.ndarray):
-        return np.minimum, np.maximum, np.exp
-    return ca.fmin, ca.fmax, ca.exp
+def _limits_of(along: Expression) -> tuple[Callable[..., Expression], Callable[..., Expression]]:
+    """Elementwise minimum and maximum, for arrays and for expressions."""
+    return (np.minimum, np.maximum) if isinstance(along, np.ndarray) else (ca.fmin, ca.fmax)
 
 
 @lru_cache(64)
