@@ -154,8 +154,8 @@ def test_full_upload_queue_answers_429_with_a_retry_time(data_dir: Path) -> None
     ):
         answers = list(
             pool.map(
-                lambda seed: caller.http.post("/runs", files={"file": ("a.csv", run_text(seed))}),
-                range(16),
+                lambda text: caller.http.post("/runs", files={"file": ("a.csv", text)}),
+                [run_text(seed, rows=5000) for seed in range(16)],
             )
         )
         refused = [answer for answer in answers if answer.status_code != 201]

@@ -209,6 +209,7 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
             chosen.wait_for(state="attached")
     scope.locator(".state.ready").wait_for()
     overtake(page.locator("article.pending", has_text="bench.xlsx"), "Sign of current")
+    page.wait_for_load_state("networkidle")
     with page.expect_navigation():
         page.click("text=Add 3 runs")
     assert page.locator("#runs tr").count() == 3
