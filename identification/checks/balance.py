@@ -30,12 +30,14 @@ __all__ = [
     "Balance",
     "Regression",
     "Signals",
+    "Windows",
     "balances_of",
     "has_signal",
     "mean_square",
     "regress",
     "reverses",
     "signals_of",
+    "windows_of",
 ]
 
 CHANNELS: Final = {"voltage_V": "voltage", "current_A": "current", "speed_rad_s": "speed"}
@@ -174,29 +176,50 @@ class Balance:
         return regress(self.current, regressors)
 
 
-def balances_of(signals: Signals) -> list[Balance]:
-    """The balances over short and over long windows, if the run is long enough for them."""
+@dataclass(frozen=True)
+class Windows:
+    """Windows of equal sample count, without those across a gap."""
+
+    time: Array
+    """(n_sample,) [s]."""
+    edges: NDArray[np.intp]
+    """(n_window + n_gap + 1,) samples at which windows begin and end."""
+    kept: NDArray[np.bool_]
+    """False for a window across a gap."""
+
+    def mean(self, signal: Array) -> Array:
+        """(n_window,) means of a signal (n_sample,)."""
+        area = np.cumsum(0.5 * (signal[1:] + signal[:-1]) * np.diff(self.time))
+        return self._per_second(np.concatenate(([0.0], area))[self.edges])
+
+    def rate(self, signal: Array) -> Array:
+        """(n_window,) mean time derivatives of a signal (n_sample,)."""
+        return self._per_second(signal[self.edges])
+
+    def _per_second(self, values: Array) -> Array:
+        return np.asarray((np.diff(values) / np.diff(self.time[self.edges]))[self.kept])
+
+
+def windows_of(signals: Signals) -> list[Windows]:
+    """Short and long windows, if the run is long enough for them."""
     rows = signals.time.size
     lengths = sorted({_WINDOW_SAMPLES, max(_WINDOW_SAMPLES, rows // _WINDOWS)})
-    found = [_balance(signals, length) for length in lengths if rows > _FEWEST_WINDOWS * length]
-    return [balance for balance in found if balance.voltage.size >= _FEWEST_WINDOWS]
+    found = [_windows(signals, length) for length in lengths if rows > _FEWEST_WINDOWS * length]
+    return [windows for windows in found if np.count_nonzero(windows.kept) >= _FEWEST_WINDOWS]
 
 
-def _balance(signals: Signals, length: int) -> Balance:
-    """The balances over windows of equal sample count, without those across a gap."""
+def _windows(signals: Signals, length: int) -> Windows:
     edges = np.arange((signals.time.size - 1) // length + 1) * length
-    kept = np.add.reduceat(~signals.joined, edges[:-1]) == 0
-    step, duration = np.diff(signals.time), np.diff(signals.time[edges])
+    return Windows(signals.time, edges, np.add.reduceat(~signals.joined, edges[:-1]) == 0)
 
-    def mean(signal: Array) -> Array:
-        area = np.cumsum(0.5 * (signal[1:] + signal[:-1]) * step)
-        return np.asarray((np.diff(np.concatenate(([0.0], area))[edges]) / duration)[kept])
 
-    def rate(signal: Array) -> Array:
-        return np.asarray((np.diff(signal[edges]) / duration)[kept])
-
+def balances_of(signals: Signals) -> list[Balance]:
+    """The balances over each of `windows_of`."""
     v, i, w = signals.voltage, signals.current, signals.speed
-    return Balance(mean(v), mean(i), mean(w), rate(i), rate(w))
+    return [
+        Balance(*map(windows.mean, (v, i, w)), *map(windows.rate, (i, w)))
+        for windows in windows_of(signals)
+    ]
 
 
 def reverses(signal: Array) -> bool:

@@ -18,19 +18,18 @@ model of a converter).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array
 from identification.checks.balance import (
-    Balance,
     Regression,
     Signals,
     balances_of,
     regress,
     reverses,
+    windows_of,
 )
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
@@ -50,10 +49,9 @@ def supply_current_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     if before < _MISSED:
         return
     after = _least(_mechanical(signals), (0,))
-    as_logged = replace(signals, current=signals.voltage * signals.current)
-    is_electrical = _least(_electrical(signals), (0, 1)) < _BETTER * _least(
-        _electrical(as_logged), ()
-    )
+    of_supply = _least(_electrical(signals, signals.current), (0, 1))
+    of_motor = _least(_electrical(signals, signals.voltage * signals.current), ())
+    is_electrical = of_supply < _BETTER * of_motor
     if is_electrical and after < _BETTER * before:
         yield Finding(
             "supply_current",
@@ -77,28 +75,21 @@ def _least(fits: list[Regression | None], positive: tuple[int, ...]) -> float:
     )
 
 
-def _electrical(signals: Signals) -> list[Regression | None]:
-    """Regressions of v^2 on the current, v w and |v|."""
-    squared = balances_of(replace(signals, speed=signals.voltage**2))
+def _electrical(signals: Signals, drawn: Array) -> list[Regression | None]:
+    """Regressions of v^2 on the current drawn, v w and |v|."""
+    v, w = signals.voltage, signals.speed
     return [
-        regress(square.speed, [power.voltage, power.speed, power.current])
-        for square, power in zip(squared, _powers(signals, signals.current), strict=True)
+        regress(of.mean(v**2), [of.mean(drawn), of.mean(v * w), of.mean(np.abs(v))])
+        for of in windows_of(signals)
     ]
 
 
 def _mechanical(signals: Signals) -> list[Regression | None]:
     """Regressions of the current on v dw/dt, v w, |v| and, if the voltage reverses, v."""
-    fits = []
-    pairs = zip(balances_of(signals), _powers(signals, signals.voltage), strict=True)
-    for plain, power in pairs:
-        regressors = [plain.voltage * plain.speed_rate, power.speed, power.current]
-        if reverses(signals.voltage):
-            regressors.append(plain.voltage)
-        fits.append(regress(plain.current, regressors))
+    v, w, fits = signals.voltage, signals.speed, []
+    for of in windows_of(signals):
+        regressors = [of.mean(v) * of.rate(w), of.mean(v * w), of.mean(np.abs(v))]
+        if reverses(v):
+            regressors.append(of.mean(v))
+        fits.append(regress(of.mean(signals.current), regressors))
     return fits
-
-
-def _powers(signals: Signals, first: Array) -> list[Balance]:
-    """Means over windows of a signal, of |v| and of v w, as voltage, current and speed."""
-    size, power = np.abs(signals.voltage), signals.voltage * signals.speed
-    return balances_of(replace(signals, voltage=first, current=size, speed=power))

@@ -173,11 +173,11 @@ def _of_timing(files: str, column: str, largest: str) -> ResultWarning:
 def _is_step(voltage: Array) -> NDArray[np.bool_]:
     """Samples whose voltage differs from the one before by a tenth of its range."""
     change = np.abs(np.diff(voltage, prepend=voltage[:1]))
-    return np.asarray(change > max(_STEP * float(np.ptp(voltage)), 0.0))
+    return np.asarray(change > _STEP * float(np.ptp(voltage)))
 
 
 def _coincide(outlying: NDArray[np.bool_], steps: NDArray[np.bool_]) -> bool:
-    """Whether all outliers are steps, and more often than by chance."""
+    """True if all outliers are at steps of the voltage, more often than by chance."""
     count, share = int(np.count_nonzero(outlying)), float(np.mean(steps))
     return bool(steps[outlying].all()) and share**count < _LEVEL
 

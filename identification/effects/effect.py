@@ -107,7 +107,7 @@ class AbstractEffect(AbstractTerm):
         amplitude_scale: Field with the standard deviation of the amplitudes that are free in each
             record, of an effect that can have such amplitudes.
         recurs: Whether an effect of single runs may act alike in several runs.
-        heats: Whether the sum of its states is a rise of the winding by its own losses [K].
+        heats: True if the sum of its states is a rise of the winding by its own losses [K].
     """
 
     source: ClassVar[str]

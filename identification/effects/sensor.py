@@ -215,8 +215,19 @@ class ChannelDelay(AbstractEffect, AbstractDelay):
         ]
 
 
+class _Hold(AbstractEffect, AbstractHold):
+    """Hold of the voltage between samples other than the assumed one, without parameters."""
+
+    name = "input_hold"
+    confusions = (INDUCTANCE,)
+    equation = "sensor"
+    drivers = ("voltage",)
+    source = "Ljung, System Identification, 2nd edition, section 13.3"
+    parameters = ()
+
+
 @dataclass(frozen=True)
-class LateVoltage(AbstractEffect, AbstractHold):
+class LateVoltage(_Hold):
     """Voltage that is logged at the end of the interval over which it is held.
 
     A loop sets a voltage, waits for an interval, and then logs the voltage with the response.
@@ -225,12 +236,6 @@ class LateVoltage(AbstractEffect, AbstractHold):
     law: str = "voltage logged at the end of its interval"
     """Name of the law in a result."""
 
-    name = "input_hold"
-    confusions = (INDUCTANCE,)
-    equation = "sensor"
-    drivers = ("voltage",)
-    source = "Ljung, System Identification, 2nd edition, section 13.3"
-    parameters = ()
     is_late = True
 
     @property
@@ -246,19 +251,13 @@ class LateVoltage(AbstractEffect, AbstractHold):
 
 @register
 @dataclass(frozen=True)
-class InputHold(AbstractEffect, AbstractHold):
+class InputHold(_Hold):
     """Hold of the voltage between samples other than the assumed one.
 
     A first-order hold replaces a zero-order hold, or the reverse, or each row has the voltage that
     was held until its samples were taken.
     """
 
-    name = "input_hold"
-    confusions = (INDUCTANCE,)
-    equation = "sensor"
-    drivers = ("voltage",)
-    source = "Ljung, System Identification, 2nd edition, section 13.3"
-    parameters = ()
     laws = (LateVoltage,)
 
     @classmethod

@@ -10,7 +10,7 @@ from identification.fleet.drift import Drift
 from identification.fleet.figure import framed
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
-from identification.reporting.svg import Frame, path, span, svg, tick_words
+from identification.reporting.svg import Frame, path, span, svg, text, tick_words
 from identification.result.numbers import number_text, scaled_unit, unit_power, unit_prefix
 
 __all__ = ["history_figure"]
@@ -47,9 +47,8 @@ def history_figure(
     frame = Frame(_BOX, (-0.5, len(refits) - 0.5), span(scale * low, scale * high, margin=0.12))
     # A date at each fit, or at some of many.
     below = "".join(
-        f'<text class="tick mid" data-time="{times[index]}" x="{float(frame.x(index)):.1f}" '
-        f'y="{_BOX[1] + _BOX[3] + 14:.1f}">{times[index][:10]}</text>'
-        for index in range(0, len(times), -(-len(times) // _MOST_LABELS))
+        text(float(frame.x(k)), _BOX[1] + _BOX[3] + 14, times[k][:10], "tick mid", time=times[k])
+        for k in range(0, len(times), -(-len(times) // _MOST_LABELS))
     )
     words = tick_words(*frame.y_range, 4)
     body = framed(frame, words, f"{name} [{scaled_unit(unit, power)}]", below, at=15)

@@ -263,5 +263,5 @@ class AbstractHold(AbstractTerm):
     """Inter-sample behaviour of the voltage other than the nominal one."""
 
     is_late: ClassVar[bool] = False
-    """Whether each row has the voltage of the interval that ends there; else zero- and first-order
-    hold are exchanged."""
+    """True if a row has the voltage of the interval that ends there; False for an exchange of
+    zero- and first-order hold."""

@@ -178,13 +178,19 @@ def dots(frame: Frame, x: ArrayLike, y: ArrayLike, kind: str = "dots") -> str:
     return f'<path class="{kind}" d="{marks}"/>' if marks else ""
 
 
-def text(x: float, y: float, content: str, kind: str = "tick", turned: bool = False) -> str:
-    """Text at a point of the drawing, vertical if `turned`; empty if the point is not visible."""
+def text(
+    x: float, y: float, content: str, kind: str = "tick", turned: bool = False, time: str = ""
+) -> str:
+    """Text at a point of the drawing, vertical if `turned`; empty if the point is not visible.
+
+    A script of the page replaces the text by the local `time`, ISO 8601 in UTC.
+    """
     if not (abs(x) <= _FAR and abs(y) <= _FAR):
         return ""
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
+    moment = f' data-time="{html.escape(time)}"' if time else ""
     words = html.escape(content, quote=False)
-    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}"{turn}>{words}</text>'
+    return f'<text class="{kind}"{moment} x="{x:.1f}" y="{y:.1f}"{turn}>{words}</text>'
 
 
 def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 5)) -> str:

@@ -124,7 +124,7 @@ class Nominal(ResultObject):
     """Nominal model, without effects."""
 
     hold: _Hold = ABSENT
-    """Voltage between samples in the nominal model; the effect `input_hold` exchanges the two."""
+    """Voltage between samples in the nominal model; the effect `input_hold` is another one."""
     voltage: _Voltage = ABSENT
     """Voltage that drives the simulation: as logged, or without the noise of its sensor."""
     parameters: MotorParameters
@@ -202,7 +202,7 @@ class Model(ResultObject):
     odds: NotNegative | None
     """Posterior odds against the final model."""
     hold: _Hold
-    """Nominal behaviour of the voltage between samples; the effect input_hold toggles it."""
+    """Nominal behaviour of the voltage between samples; the effect input_hold changes it."""
     effective_fraction: Number
     """Independent samples per sample of the residual."""
     terms: list[ModelTerm]

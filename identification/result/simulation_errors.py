@@ -148,17 +148,19 @@ def worse_warnings(
         nominal = root_mean_square([one for one in before if one.record.name == run])
         final = root_mean_square([one for one in after if one.record.name == run])
         for channel, name in enumerate(CHANNELS):
-            # A simulation that diverges is NaN, which is not worse than any limit.
-            if not final[channel] <= _WORSE * max(nominal[channel], noise[channel]):
-                ratio, declared = final[channel] / noise[channel], nominal[channel] / noise[channel]
-                message = f"{_CODE}: {run}: with {', '.join(effects)} " + (
-                    f"the RMSE of the {name} is {ratio:.3g} times the sensor noise, with the "
-                    f"nominal model {declared:.3g} times"
-                    if np.isfinite(ratio)
-                    else f"the simulation of the {name} diverges; with the nominal model its RMSE "
-                    f"is {declared:.3g} times the sensor noise"
-                )
-                found.append(ResultWarning(_CODE, "warning", message, _WORSE_FIX, "declared"))
+            is_divergent = np.isfinite(nominal[channel]) and not np.isfinite(final[channel])
+            limit = _WORSE * max(nominal[channel], noise[channel])
+            if not (is_divergent or final[channel] > limit):
+                continue
+            ratio, declared = final[channel] / noise[channel], nominal[channel] / noise[channel]
+            message = f"{_CODE}: {run}: with {', '.join(effects)} " + (
+                f"the simulation of the {name} diverges; the RMSE with the nominal model is "
+                f"{declared:.3g} times the sensor noise"
+                if is_divergent
+                else f"the RMSE of the {name} is {ratio:.3g} times the sensor noise, with the "
+                f"nominal model {declared:.3g} times"
+            )
+            found.append(ResultWarning(_CODE, "warning", message, _WORSE_FIX, "declared"))
     return found
 
 

@@ -133,4 +133,5 @@ def test_a_run_that_effects_predict_worse_is_named_with_what_to_do() -> None:
     unstable = Simulated(record, np.full_like(record.measured, np.nan), np.zeros(2))
     (current, _) = worse_warnings([close], [unstable], noise, ["load_step"])
     assert "with load_step the simulation of the current diverges" in current.message
+    assert worse_warnings([unstable], [close], noise, ["load_step"]) == []
     assert worse_warnings([close], [close], noise, ["load_step"]) == []

@@ -69,7 +69,7 @@ class ReportFigure:
     """SVG element; its classes are those of the style sheet of the page."""
     caption: str
     is_wide: bool
-    """Whether the figure has the width of the page."""
+    """True for a figure as wide as the page."""
 
 
 def report_figures(text: str, section: str) -> list[ReportFigure]:
