@@ -20,7 +20,7 @@ from identification.arrays import Array
 from identification.design.models import DesignModel
 from identification.design.profiles import pauses
 from identification.effects.load import LoadStep
-from identification.fit.normal_equations import state_precision
+from identification.fit.own_states import state_precision
 from identification.ingest.run import Run
 from identification.model.composite import MotorModel
 from identification.model.excitation import Record, records_of

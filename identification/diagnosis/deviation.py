@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.fit.normal_equations import state_precision
+from identification.fit.own_states import state_precision
 from identification.fit.solve import Fit
 from identification.linear import least_squares
 from identification.model.blocks import BLOCK, blocks

@@ -9,6 +9,7 @@ from typing import Final
 import casadi as ca
 import numpy as np
 
+from identification.arrays import Array
 from identification.effects.confusion import RESISTANCE, TORQUE_CONSTANT
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import amplitude, columns, shape
@@ -34,12 +35,23 @@ _WORDS: Final = {
 }
 """Variant by direction; the direction is a setting in results and keeps its text."""
 _IN_STEPS: Final = ", coarse resolution"
-_HARMONICS: Final = 5
+_HARMONICS: Final = np.arange(1, 6)
 """Sine and cosine pairs of the error of a log in coarse steps."""
-_ERRORS: Final = (
-    "error",
-    *(f"{wave}_{k}" for k in range(1, _HARMONICS + 1) for wave in ("cosine", "sine")),
-)
+
+
+def _orthonormal() -> Array:
+    """(n_wave, n_error) errors in terms of a constant, cosines and sines of half periods.
+
+    They are orthogonal over 0 <= t <= D and have a mean square of one.
+    """
+    phases = np.outer((np.arange(2000) + 0.5) / 2000, np.pi * _HARMONICS)
+    waves = np.column_stack([np.ones(len(phases)), np.cos(phases), np.sin(phases)])
+    squares, directions = np.linalg.eigh(waves.T @ waves / len(waves))
+    return np.asarray(directions / np.sqrt(squares))
+
+
+_SHAPES: Final = _orthonormal()
+_ERRORS: Final = tuple(f"error_{k}" for k in range(1, _SHAPES.shape[1] + 1))
 
 
 def _moves(scales: CampaignScales) -> bool:
@@ -102,7 +114,7 @@ class WindingLag(_Lag):
         T_w = T + tau dT/dt                  T lags the winding                [degC]
         T_w = T + e + tau d(T + e)/dt        the same, T in coarse steps       [degC]
 
-        e = e_0 + sum_k c_k cos(k pi t / D) + s_k sin(k pi t / D),   k <= 5    [K]
+        e = sum_k a_k e_k(t / D)                                               [K]
 
     The second law inverts the lag of a thermometer, such as a thermocouple on the case.  It holds
     for any course of the temperature.  dT/dt is the derivative of a smoothing spline through the
@@ -111,8 +123,11 @@ class WindingLag(_Lag):
 
     If the log has coarse steps without noise to dither them, the temperature is unknown within half
     a step, and its derivative with it.  The third law, an extended variant, therefore adds an error
-    e, free in each record; D is the duration of the longest run.  Each amplitude has the standard
-    deviation of rounding, step / sqrt(12), or that of the amplitudes in the runs if it is larger.
+    e, free in each record: e_k are the eleven orthonormal combinations of a constant and the first
+    five cosines and sines of half periods over the duration D of the longest run.  The prior
+    variances of all a_k sum to that of rounding, step^2 / 12, or each is that of the amplitudes in
+    the runs if it is larger.  Over a constant stretch of the log, the mean of T + e is the level of
+    the log, with the standard deviation of rounding.
     """
 
     direction: str = _BEHIND
@@ -152,7 +167,7 @@ class WindingLag(_Lag):
 
     def expecting(self, size: float) -> WindingLag:
         """The term with an error whose amplitudes have this standard deviation or more [K]."""
-        return replace(self, size=max(size, self.step / math.sqrt(12.0)))
+        return replace(self, size=max(size, self.step / math.sqrt(12.0 * len(_ERRORS))))
 
     @property
     def states(self) -> tuple[State, ...]:
@@ -180,16 +195,21 @@ class WindingLag(_Lag):
         ahead = before + values.time_constant * signals.temperature_rate
         return ahead + self._error(signals, states, values) if self.size else ahead
 
+    def log_error(self, time: Array) -> Array | None:
+        """Error of a log in coarse steps, without its derivative [K]."""
+        if not self.size or self.direction == _BEHIND:
+            return None
+        phases = np.outer(time / self.duration, np.pi * _HARMONICS)
+        waves = np.column_stack([np.ones(time.size), np.cos(phases), np.sin(phases)])
+        return np.asarray(waves @ _SHAPES)
+
     def _error(self, signals: Signals, amplitudes: Values, values: Values) -> Expression:
         """Error of the log and its derivative, as the body feels them [K]."""
-        felt = amplitudes.error
-        for k in range(1, _HARMONICS + 1):
-            rate = k * np.pi / self.duration
-            cosine, sine = ca.cos(rate * signals.time), ca.sin(rate * signals.time)
-            lead = values.time_constant * rate
-            felt += getattr(amplitudes, f"cosine_{k}") * (cosine - lead * sine)
-            felt += getattr(amplitudes, f"sine_{k}") * (sine + lead * cosine)
-        return felt
+        rates = ca.DM(np.pi * _HARMONICS / self.duration)
+        cosines, sines = ca.cos(rates * signals.time), ca.sin(rates * signals.time)
+        leads = values.time_constant * rates
+        waves = ca.vertcat(1, cosines - leads * sines, sines + leads * cosines)
+        return ca.dot(waves, _SHAPES @ ca.vertcat(*(getattr(amplitudes, n) for n in _ERRORS)))
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Rate of the winding's temperature, or none of the constant amplitudes [K/s]."""

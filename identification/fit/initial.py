@@ -17,7 +17,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.fit.derivatives import products
-from identification.fit.normal_equations import state_precision
+from identification.fit.own_states import state_prior
 from identification.linear import solution
 from identification.model.composite import MotorModel
 from identification.model.simulate import Simulator, initial_states
@@ -81,7 +81,7 @@ def _fitted_to_heads(
     )
     short = Simulator(simulator.model, heads, simulator.plan)
     weighting = replace(Weighting.white(heads), deviation=deviation)
-    centres = [initial_states(simulator.model, record) for record in heads]
+    priors = [state_prior(short, k) for k in range(len(heads))]
     nothing = np.zeros((values.size, 0))
     short = short.roughly_accurate(values, states, deviation)
     for _ in range(_STEPS):
@@ -90,9 +90,9 @@ def _fitted_to_heads(
             zip(heads, *tangent(short, values, states, nothing), strict=True)
         ):
             full, right = products(record.measured - logged, slopes, weighting, k)
-            precision = state_precision(short, k)
-            right = right + precision * (centres[k] - states[k])
-            moves.append(solution(full + np.diag(precision), right))
+            precision, pull = priors[k]
+            right = right + pull - precision @ states[k]
+            moves.append(solution(full + precision, right))
             gain = max(gain, 0.5 * float(right @ moves[k]))
         if gain < _NEGLIGIBLE:
             break
@@ -110,7 +110,8 @@ def _fitted_to_heads(
             residual = (record.measured[:, :, None] - y) / deviation[:, None]
             with np.errstate(over="ignore", invalid="ignore"):
                 cost = np.einsum("nc,ncl->l", record.weight, residual**2)
-            cost += state_precision(short, k) @ (trials[k] - centres[k][:, None]) ** 2
+            precision, pull = priors[k]
+            cost += np.sum(trials[k] * (precision @ trials[k] - 2.0 * pull[:, None]), axis=0)
             best.append(trials[k][:, int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))])
         states = tuple(best)
     return states

@@ -5,7 +5,7 @@ state of one record,
 
     H = sum_records [ J'J - J'X (X'X + S^-1)^-1 X'J ] + prior
 
-where S is the covariance of the broad prior of the initial state.  The prior keeps a state finite
+where S is the covariance of the prior of the initial state.  The prior keeps a state finite
 that no sensor observes.
 """
 
@@ -19,12 +19,13 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.fit.derivatives import Derivatives, gradient_of, products
+from identification.fit.own_states import state_prior
 from identification.linear import eigh, least_squares, solution
 from identification.model.parameter import Coordinates
-from identification.model.simulate import Simulator, initial_states
+from identification.model.simulate import Simulator
 from identification.model.weighting import Weighting
 
-__all__ = ["NormalEquations", "normal_equations", "state_precision"]
+__all__ = ["NormalEquations", "normal_equations"]
 
 _LARGEST = 1e100
 """Entry above which the simulation counts as diverged."""
@@ -215,12 +216,10 @@ def normal_equations(
     fulls, rights, logged = _summed(derivatives, weighting, n + simulator.n_state)
     information, gradient = np.zeros((n, n)), np.zeros(n)
     matrices, couplings, state_gradients = [], [], []
-    for k, record in enumerate(simulator.records):
-        full, right = fulls[k], rights[k]
-        precision = state_precision(simulator, k)
-        centre = initial_states(simulator.model, record)
-        xx = full[n:, n:] + np.diag(precision)
-        xg = right[n:] + precision * (centre - states[k])
+    for k, (full, right) in enumerate(zip(fulls, rights, strict=True)):
+        precision, pull = state_prior(simulator, k)
+        xx = full[n:, n:] + precision
+        xg = right[n:] + pull - precision @ states[k]
         xj = full[n:, :n]
         if not np.max(np.abs(full)) < _LARGEST:
             # The simulation diverges: `is_finite` becomes False, and no step is computed.
@@ -262,23 +261,6 @@ def _summed(
         rights[k] += right
         logged[k][samples] = block.logged
     return fulls, rights, logged
-
-
-def state_precision(simulator: Simulator, k: int) -> Array:
-    """Inverse variance of the broad prior of the initial state, (n_state,).
-
-    The standard deviation is the range of the logged channel, 30 K for a temperature, and the
-    natural scale for any other state.
-    """
-    record = simulator.records[k]
-    size = record.span
-    kinds = {"current": size[0], "speed": size[1], "temperature": 30.0}
-    own = [
-        kinds.get(state.follows, state.scale)
-        for term in simulator.model.terms
-        for state in term.states
-    ]
-    return np.asarray(1.0 / np.array([size[0], size[1], *own]) ** 2)
 
 
 def _solved(matrix: Array, right: Array) -> Array:

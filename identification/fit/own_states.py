@@ -1,4 +1,4 @@
-"""Per-record amplitudes of effects, as states with a normal prior.
+"""Normal prior of the initial states, and of the per-record amplitudes of effects among them.
 
 The first samples of a record determine its initial current and speed.  The runs may not determine
 an amplitude that is free in each record: an error of the logged temperature that is equal in all
@@ -6,13 +6,16 @@ records, for example, is the same as another Ra25 and Kt25.  Along such a direct
 decides, so the prior belongs to the cost, and its size has to be that of the amplitudes that the
 runs do determine.
 
+Amplitudes of the error of a temperature log in coarse steps are also limited by the log: over a
+constant stretch of it, the temperature differs from its level by no more than rounding does.
+
 Source: MacKay, Neural Computation 4 (1992), 415-447, section 4 (evidence for a prior variance, and
 the number of well-determined parameters).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,12 +24,14 @@ from numpy.typing import NDArray
 from identification.arrays import Array
 from identification.linear import solution
 from identification.model.composite import MotorModel
-from identification.model.simulate import Simulator
+from identification.model.excitation import Record
+from identification.model.simulate import Simulator, initial_states
+from identification.model.term import AbstractTemperature
 
 if TYPE_CHECKING:
     from identification.fit.solve import Fit
 
-__all__ = ["amplitude_sizes", "own_cost"]
+__all__ = ["amplitude_sizes", "own_cost", "state_precision", "state_prior"]
 
 
 def own_cost(simulator: Simulator, states: Sequence[Array]) -> Array | float:
@@ -35,7 +40,60 @@ def own_cost(simulator: Simulator, states: Sequence[Array]) -> Array | float:
     for _, rows, size in _own(simulator.model):
         for state in states:
             cost = cost + 0.5 * np.sum((state[rows] / size) ** 2, axis=0)
+    for record, state in zip(simulator.records, states, strict=True):
+        for own, errors, levels in _logged(simulator.model, record):
+            cost = cost + 0.5 * np.sum((levels - (errors @ state[own]).T) ** 2, axis=-1)
     return cost
+
+
+def state_precision(simulator: Simulator, k: int) -> Array:
+    """Inverse variance of the broad prior of the initial state, (n_state,).
+
+    The standard deviation is the range of the logged channel, 30 K for a temperature, and the
+    natural scale for any other state.
+    """
+    size = simulator.records[k].span
+    kinds = {"current": size[0], "speed": size[1], "temperature": 30.0}
+    own = [
+        kinds.get(state.follows, state.scale)
+        for term in simulator.model.terms
+        for state in term.states
+    ]
+    return np.asarray(1.0 / np.array([size[0], size[1], *own]) ** 2)
+
+
+def state_prior(simulator: Simulator, k: int) -> tuple[Array, Array]:
+    """Prior of the initial state of a record, with what a coarse temperature log tells.
+
+    Returns:
+        (n_state, n_state) inverse covariance, and its product with the mean, (n_state,).
+    """
+    record = simulator.records[k]
+    broad = state_precision(simulator, k)
+    precision, pull = np.diag(broad), broad * initial_states(simulator.model, record)
+    for rows, errors, levels in _logged(simulator.model, record):
+        precision[rows, rows] += errors.T @ errors
+        pull[rows] += errors.T @ levels
+    return precision, pull
+
+
+def _logged(model: MotorModel, record: Record) -> Iterator[tuple[slice, Array, Array]]:
+    """What the levels of a coarse temperature log tell of each term with an error of the log.
+
+    Yields:
+        Rows of the term in the state, (n_level, n_amplitude) error by a unit of each amplitude, and
+        (n_level,) error that the log shows, both over the standard deviation of rounding.
+    """
+    (times, levels), at = record.levels, 2
+    if not times.size:
+        return
+    rounding = record.resolution / np.sqrt(12.0)
+    for term in model.terms:
+        rows, at = slice(at, at + len(term.states)), at + len(term.states)
+        if isinstance(term, AbstractTemperature):
+            errors = term.log_error(times)
+            if errors is not None:
+                yield rows, errors / rounding, levels / rounding
 
 
 def amplitude_sizes(fit: Fit) -> dict[str, float]:

@@ -62,6 +62,8 @@ class Record:
     voltage is as logged."""
     duration: float = 0.0
     """Duration of the whole record, of which this may be a segment [s]."""
+    coarse_log: Array | None = None
+    """(n_sample,) logged temperature, if its steps are not dithered by noise [degC]."""
 
     @property
     def rows(self) -> int:
@@ -83,6 +85,21 @@ class Record:
         """Range plus largest magnitude of current and speed (2,), never zero [A, rad/s]."""
         size = np.ptp(self.measured, axis=0) + np.abs(self.measured).max(axis=0)
         return np.where(size > 0, size, 1.0)
+
+    @cached_property
+    def levels(self) -> tuple[Array, Array]:
+        """Constant stretches of a coarse temperature log: mean times and errors, each (n_level,).
+
+        Times are since the start of the run [s]; an error is the level minus the mean of the
+        temperature input [K].
+        """
+        log = np.empty(0) if self.coarse_log is None else self.coarse_log
+        begin = np.flatnonzero(np.diff(log, prepend=np.nan) != 0.0)
+        if not begin.size:
+            return np.empty(0), np.empty(0)
+        count = np.diff(np.append(begin, log.size))
+        mean = np.add.reduceat(self.column("temperature"), begin) / count
+        return np.add.reduceat(self.time, begin) / count, log[begin] - mean
 
     def column(self, name: str) -> Array:
         """One input (n_sample,) by name."""
@@ -107,7 +124,7 @@ class Record:
         return replace(
             self, time=self.time[rows], inputs=self.inputs[rows], measured=self.measured[rows],
             weight=self.weight[rows], whole=kept(self.whole), raw_angle=kept(self.raw_angle),
-            voltage_noise=kept(self.voltage_noise),
+            voltage_noise=kept(self.voltage_noise), coarse_log=kept(self.coarse_log),
         )  # fmt: skip
 
     @property
@@ -189,7 +206,10 @@ def records_of(
             if stop - start >= 2:
                 made = _record(run, first + k, start, stop, temperature, highest)
                 unknown = expected if run.temperature is None else None
-                records.append(replace(made, expected=unknown, resolution=coarse))
+                log = (
+                    run.temperature[start:stop] if coarse and run.temperature is not None else None
+                )
+                records.append(replace(made, expected=unknown, resolution=coarse, coarse_log=log))
     return records
 
 

@@ -29,6 +29,7 @@ from typing import Any, ClassVar, Literal
 
 import casadi as ca
 
+from identification.arrays import Array
 from identification.model.parameter import Parameter
 
 __all__ = [
@@ -196,6 +197,13 @@ class AbstractTemperature(AbstractTerm):
     @abstractmethod
     def bodies_felt(self) -> tuple[str, ...]:
         """Bodies with the effective temperature: ``winding``, ``magnet`` or both."""
+
+    def log_error(self, time: Array) -> Array | None:
+        """(n, n_state) error of the log [K] at times (n,) [s] by a unit of each state.
+
+        None if no state is such an error.
+        """
+        return None
 
     @abstractmethod
     def felt(

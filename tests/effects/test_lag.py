@@ -133,6 +133,35 @@ def test_nothing_stands_in_for_what_a_slow_thermometer_in_steps_hides(
 
 
 @pytest.mark.parametrize(
+    ("lag", "drifts"), [(3.0, (40.0, -35.0, 30.0, 30.0)), (6.0, (25.0, -30.0, 20.0, 10.0))]
+)
+def test_a_log_of_many_steps_limits_the_error_of_its_smoothing(
+    lag: float, drifts: tuple[float, ...]
+) -> None:
+    """The smoothed log errs most at the ends of a run, in the same way as other coefficients."""
+    campaign = _in_steps(lag, 1.0, 0.0, drifts)
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+
+    assert [found.name for found in outcome.effects] == ["winding_lag"]
+    assert outcome.fit.values[-1] == pytest.approx(lag, rel=0.02)
+    np.testing.assert_allclose(outcome.fit.values[:4], MOTOR.vector[:4], rtol=0.005)
+    missed = (outcome.fit.values[:7] - MOTOR.vector) / outcome.fit.deviations[:7]
+    assert np.abs(missed).max() < 3.0
+
+
+def test_the_error_of_a_log_has_orthonormal_shapes_over_the_longest_run() -> None:
+    """Amplitudes of equal standard deviation then give the error an even one over the run."""
+    term = WindingLag(0.1, 10.0, "the log lags the winding", 8.0, 1.0, 0.1)
+    shapes = term.log_error(np.linspace(0.0, 8.0, 4001))
+
+    assert shapes is not None
+    gram = shapes.T @ shapes / len(shapes)
+    np.testing.assert_allclose(gram, np.eye(len(gram)), atol=0.02)
+    assert len(gram) == len(term.states)
+
+
+@pytest.mark.parametrize(
     ("step", "noise", "coarse"), [(1.0, 0.0, 1.0), (0.1, 0.0, 0.1), (0.1, 0.1, 0.0)]
 )
 def test_a_log_leaves_open_what_no_noise_dithers(step: float, noise: float, coarse: float) -> None:

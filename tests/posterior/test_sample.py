@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
-from identification.fit.normal_equations import state_precision
+from identification.fit.own_states import state_precision
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.simulate import initial_states
