@@ -41,7 +41,7 @@ def home(
     batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
     return page(
         "home",
-        pending=pending_list_view(services.pending.all(caller)),
+        pending=pending_list_view(services, caller),
         benches=services.pending.benches(caller),
         choice=choice_of(services, caller, motor),
         fits=[fit_view(FitSummary.of(fit), {}) for fit in fits],

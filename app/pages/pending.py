@@ -52,6 +52,7 @@ _STATES = {
     "ready": "ready",
     "contradictory": "contradictory",
     "unreadable": "needs a correction",
+    "known": "already added",
 }
 
 
@@ -106,9 +107,17 @@ async def correct(
     mapping = _mapping_from(await texts_of(request), row.mapping or {})
     services.reading.check()
     row = await services.reading.run(services.pending.correct, caller, run_id, mapping)
-    rows = await to_thread.run_sync(services.pending.all, caller)
+    pending = await to_thread.run_sync(pending_list_view, services, caller)
+    run = next((run for run in pending["runs"] if run["id"] == run_id), pending_view(row))
     # The button above the list counts the runs that can be added now.
-    return page("pending_corrected", run=pending_view(row), pending=pending_list_view(rows))
+    return page("pending_corrected", run=run, pending=pending)
+
+
+@router.delete("")
+def discard_all(page: Page, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
+    """Discard all pending runs."""
+    services.pending.discard_all(caller)
+    return _section(page, services, caller)
 
 
 @router.delete("/{run_id}")
@@ -125,27 +134,31 @@ def samples(run_id: str, services: ServicesDep, caller: CallerDep) -> JSONRespon
 
 
 def _section(page: Page, services: Services, caller: Caller) -> HTMLResponse:
-    return page("pending", pending=pending_list_view(services.pending.all(caller)))
+    return page("pending", pending=pending_list_view(services, caller))
 
 
-def pending_list_view(rows: Sequence[PendingRow]) -> dict[str, Any]:
+def pending_list_view(services: Services, caller: Caller) -> dict[str, Any]:
     """View of all pending runs."""
+    rows = services.pending.all(caller)
+    known = services.pending.known(caller, rows)
     readable = [row for row in rows if row.found["summary"] is not None]
     return {
-        "runs": [pending_view(row) for row in rows],
-        "readable": len(readable),
+        "runs": [pending_view(row, is_known=row.id in known) for row in rows],
+        "new": sum(row.id not in known for row in readable),
         "motor": next((row.motor for row in rows if row.motor), ""),
         "bench": next((row.bench for row in rows if row.bench), ""),
     }
 
 
-def pending_view(row: PendingRow) -> dict[str, Any]:
-    """View of one pending run."""
+def pending_view(row: PendingRow, *, is_known: bool = False) -> dict[str, Any]:
+    """View of one pending run, known if its file and mapping are those of another one."""
     preview, summary = row.found["preview"], row.found["summary"]
     is_contradictory = any(f["severity"] == "refuse" for f in preview["findings"])
     state = "contradictory" if is_contradictory else "ready"
     if summary is None:
         state = "unreadable"
+    elif is_known:
+        state = "known"
     suggested = {name: {"column": title} for name, title in row.found["suggested"].items()}
     chosen = preview["mapping"] if summary is not None else suggested | (row.mapping or {})
     # The warnings of a run repeat its contradictions.

@@ -6,9 +6,11 @@ second browser shows the same.  The mapping of a bench applies to the next files
 
 from __future__ import annotations
 
+import json
 import shutil
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
 from app.disk import open_regular
-from app.errors import FileLost
+from app.errors import FileLost, NotFound
 from app.identifiers import new_id
 from app.runs.reading import RunReader
 from app.runs.service import new_run, stored_before
@@ -79,6 +81,19 @@ class PendingRuns:
         query = select(PendingRow).where(PendingRow.workspace == caller.workspace)
         with self._database.reading() as session:
             return session.scalars(query.order_by(PendingRow.created_at, PendingRow.id)).all()
+
+    def known(self, caller: Caller, rows: Sequence[PendingRow]) -> set[str]:
+        """IDs of pending runs whose file and mapping are those of a run or of an earlier one."""
+        known, seen = set(), set()
+        with self._database.reading() as session:
+            for row in rows:
+                content = (row.sha256, json.dumps(row.mapping, sort_keys=True))
+                if content in seen or stored_before(
+                    session, caller.workspace, row.sha256, row.mapping
+                ):
+                    known.add(row.id)
+                seen.add(content)
+        return known
 
     def benches(self, caller: Caller) -> Sequence[str]:
         """Names of the benches with a saved mapping, latest change first."""
@@ -205,6 +220,13 @@ class PendingRuns:
                 known += 1
                 self._storage.remove_run(row.id)
         return new, known
+
+    def discard_all(self, caller: Caller) -> None:
+        """Delete all pending runs and their files."""
+        for pending in self.all(caller):
+            # Another call may have confirmed or discarded it meanwhile.
+            with suppress(NotFound):
+                self.discard(caller, pending.id)
 
     def discard(self, caller: Caller, run_id: str) -> None:
         """Delete a pending run and its file."""

@@ -219,6 +219,51 @@ def test_mapping_of_a_stored_run_is_corrected_as_another_run(page: Page) -> None
     assert after["channels"]["current_A"] == {"min": -high, "max": -low}  # type: ignore[index]
 
 
+def test_a_file_that_is_a_run_already_is_said_and_not_counted(page: Page) -> None:
+    """Of four files one is stored, and one is dropped twice: two are new."""
+    page.drop(run_text(20))
+    page.http.post("/pending/confirm")
+    for seed in (20, 21, 22, 22):
+        page.drop(run_text(seed))
+    shown = page.shown()
+    page.http.post("/pending/confirm")
+
+    assert shown.count(">already added</span>") == 2
+    assert ">Add 2 runs</button>" in shown
+    assert len(page.runs()) == 3
+
+
+def test_a_stored_run_that_is_reopened_is_new_once_its_mapping_changes(page: Page) -> None:
+    """Its file with its mapping is a run; the same file in other units is another run."""
+    page.drop(scope_text(23), "scope.csv")
+    run = re.findall(r'<article class="pending" id="(\w+)"', page.shown())[0]
+    page.http.post(f"/pending/{run}/mapping", data=selected())
+    page.http.post("/pending/confirm")
+    page.http.post(f"/pending/{run}/reopen")
+    (copy,) = re.findall(r'<article class="pending" id="(\w+)"', before := page.shown())
+    after = page.http.post(
+        f"/pending/{copy}/mapping", data=selected(**{"current_A__factor": "2"})
+    ).text
+
+    assert ">already added</span>" in before
+    assert ">Add 0 runs</button>" in before
+    assert ">ready</span>" in after
+    assert ">Add 1 run</button>" in after
+
+
+def test_all_files_are_discarded_at_once(page: Page, server: Server) -> None:
+    """The stored runs remain."""
+    page.drop(run_text(24))
+    page.http.post("/pending/confirm")
+    dropped = [page.drop(run_text(seed)) for seed in (25, 26)]
+
+    shown = page.http.delete("/pending").text
+
+    assert "<article" not in shown
+    assert not any((server.data_dir / "runs" / run).exists() for run in dropped)
+    assert len(page.runs()) == 1
+
+
 def test_discarded_file_leaves_nothing(page: Page, server: Server) -> None:
     """The file is deleted with its row."""
     run = page.drop(run_text(12))
