@@ -161,10 +161,11 @@ def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> di
     from identification.quantities import DECLARED_PARAMETERS
 
     oldest_first = [refit for refit in reversed(refits) if refit.estimates]
-    compared = [
-        compared_with(refit, before)
-        for refit, before in zip(oldest_first, [None, *oldest_first], strict=False)
-    ]
+    compared: list[Refit] = []
+    last: dict[bool, Refit] = {}
+    for refit in oldest_first:
+        compared.append(compared_with(refit, last.get(refit.is_searched)))
+        last[refit.is_searched] = refit
     changes = drifts(compared)
     causes = explanations(compared)
     times = [requested_at[refit.fit] for refit in compared]

@@ -97,6 +97,9 @@ class Refit:
     by name such as ``"brush_drop.voltage"``."""
     equations: Mapping[str, str] = field(default_factory=dict)
     """Equation of each effect in the final model, by name."""
+    is_searched: bool = True
+    """True if the fit searched for effects.  Without it, the parameters stand for the effects as
+    well, so they differ from those of a fit with it although the motor has not changed."""
     correlation: Mapping[tuple[str, str], float] = field(default_factory=dict)
     """Posterior correlation of two parameters or sizes; empty if unknown."""
 
@@ -145,6 +148,7 @@ def refit_of(
             if effect["name"] not in _OF_SINGLE_RUNS and effect.get("parameters")
         ),
         equations={str(effect["name"]): str(effect.get("equation", "")) for effect in effects},
+        is_searched=bool((result.get("options") or {}).get("effects", True)),
         correlation=_correlation(result.get("correlation") or {}),
     )
 
@@ -167,8 +171,13 @@ def _size(effect: Mapping[str, Any]) -> tuple[str, Size]:
 
 
 def compared_with(refit: Refit, previous: Refit | None) -> Refit:
-    """The refit with its previous refit set; only one generation of history is kept."""
-    return replace(refit, previous=None if previous is None else replace(previous, previous=None))
+    """The refit with its previous refit, if both or neither of them searched for effects.
+
+    Only one generation of history is kept.
+    """
+    if previous is None or previous.is_searched != refit.is_searched:
+        return replace(refit, previous=None)
+    return replace(refit, previous=replace(previous, previous=None))
 
 
 def estimate_of(entry: Mapping[str, Any]) -> Estimate:

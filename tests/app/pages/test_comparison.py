@@ -39,6 +39,18 @@ def test_difference_is_counted_in_combined_standard_deviations(
     assert not rows["Ra25"]["is_significant"]
 
 
+def test_fits_with_and_without_the_search_for_effects_are_not_tested() -> None:
+    """A difference of 8 standard deviations is shown, but not called significant."""
+    other = moved("Ra25", 8.0)
+    other["options"] = {"effects": False}
+
+    shown = comparison_view([FIRST, other], [STEPS, STEPS])
+
+    (row,) = [row for row in shown["parameters"] if row["name"] == "Ra25"]
+    assert not shown["is_tested"]
+    assert (row["sds"], row["is_significant"]) == ("+8.0", False)
+
+
 def test_change_of_a_value_that_may_be_zero_has_no_percentage() -> None:
     """The interval of the friction contains zero in the second fit."""
     second = deepcopy(FIRST)
