@@ -84,9 +84,10 @@ async def relabel(
 
 
 @router.post("/confirm")
-def confirm(services: ServicesDep, caller: CallerDep) -> Response:
+async def confirm(services: ServicesDep, caller: CallerDep) -> Response:
     """Make runs of all pending runs that can be read, and show them."""
-    services.pending.confirm(caller)
+    services.reading.check()
+    await services.reading.run(services.pending.confirm, caller)
     return Response(status_code=204, headers={"HX-Refresh": "true"})
 
 

@@ -22,7 +22,7 @@ from app.access.quotas import Quotas
 from app.access.service import Caller
 from app.database import Database
 from app.disk import open_regular
-from app.errors import FileLost, NotFound
+from app.errors import FileLost, NotFound, RunRefused
 from app.identifiers import new_id
 from app.runs.reading import RunReader
 from app.runs.service import new_run, stored_before
@@ -202,11 +202,15 @@ class PendingRuns:
         """Make a run of each pending run that can be read; return how many are new, and known."""
         new = known = 0
         for pending in self.all(caller):
+            if _is_outdated(pending):
+                # Another call examines its correction, or has been killed meanwhile.
+                with suppress(NotFound, RunRefused):
+                    self.correct(caller, pending.id, pending.mapping)
             with self._database.writing() as session:
                 # Another call may have relabelled, confirmed or discarded it; its file is then
                 # that of a stored run.
                 row = session.get(PendingRow, pending.id, with_for_update=True)
-                if row is None or row.found["summary"] is None:
+                if row is None or row.found["summary"] is None or _is_outdated(row):
                     continue
                 content = (caller.workspace, row.sha256, row.mapping)
                 is_new = stored_before(session, *content) is None
@@ -240,6 +244,11 @@ class PendingRuns:
         return self._reader.pending(
             self._storage.run(row.id), row.file, mapping, is_of_bench=is_of_bench
         )
+
+
+def _is_outdated(row: PendingRow) -> bool:
+    """Whether a pending run was examined with an earlier mapping than its own."""
+    return bool(row.found["mapping"] != row.mapping)
 
 
 def _mapping_of_bench(session: Session, workspace: str, bench: str | None) -> dict[str, Any] | None:

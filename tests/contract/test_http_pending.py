@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import secrets
+import sqlite3
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -102,6 +104,27 @@ def test_runs_added_twice_at_once_keep_their_files(page: Page) -> None:
     stored = [run["id"] for run in page.runs()]
     assert len(stored) == 4
     assert {page.http.post(f"/pending/{run}/reopen").status_code for run in stored} == {200}
+
+
+def test_run_added_before_its_correction_is_examined_is_added_as_corrected(
+    page: Page, server: Server
+) -> None:
+    """The state between the two steps of a correction: the new mapping, the old ranges."""
+    run = page.drop(run_text(27))
+    before = page.http.get(f"/pending/{run}/samples").json()
+    mapping = {"voltage_V": {"column": "voltage_V", "scale": 2.0}}
+    with sqlite3.connect(server.data_dir / "motorid.sqlite3", timeout=30) as database:
+        database.execute(
+            "UPDATE pending_runs SET mapping = ? WHERE id = ?", (json.dumps(mapping), run)
+        )
+
+    page.http.post("/pending/confirm")
+
+    (added,) = page.runs()
+    assert added["mapping"] == mapping
+    assert added["channels"]["voltage_V"]["max"] == pytest.approx(
+        2.0 * max(before["voltage_V"]), rel=1e-4
+    )
 
 
 def test_column_with_the_name_of_a_channel_is_suggested(page: Page) -> None:

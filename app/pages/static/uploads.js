@@ -5,6 +5,9 @@ const drop = document.getElementById("drop");
 const files = document.getElementById("files");
 const received = document.getElementById("received");
 
+let unsent = 0;
+let isAwaited = false;
+
 function notice(kind, name, text) {
   const line = document.createElement("li");
   const file = document.createElement("strong");
@@ -34,13 +37,44 @@ async function send(file) {
 }
 
 async function sendAll(list) {
-  received.replaceChildren();
+  if (unsent === 0) received.replaceChildren();
+  unsent += list.length;
   // Sequential, sorted by name, because the order of upload counts as the order of recording.
   for (const file of [...list].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }))) {
     await send(file);
+    unsent -= 1;
   }
   files.value = "";
+  addAwaited(true);
 }
+
+// Adding runs loads the page again.  It waits for the files that are still sent, and for the correction or
+// the motor that was typed just before the click.
+function isBusy() {
+  return unsent > 0 || document.querySelector("#upload.htmx-request, #pending form.htmx-request") !== null;
+}
+
+function addAwaited(isRight) {
+  if (!isAwaited || (isRight && isBusy())) return;
+  isAwaited = false;
+  const button = document.getElementById("pending-confirm");
+  if (!button) return;
+  button.disabled = button.textContent.startsWith("Add 0");
+  if (isRight) button.click();
+}
+
+document.addEventListener("htmx:confirm", (event) => {
+  if (event.target.id !== "pending-confirm" || !isBusy()) return;
+  event.preventDefault();
+  isAwaited = true;
+  event.target.disabled = true;
+});
+document.addEventListener("htmx:afterRequest", ({ detail }) => {
+  if (detail.requestConfig.verb !== "get") addAwaited(detail.successful || detail.xhr.status === 0);
+});
+window.addEventListener("beforeunload", (event) => {
+  if (unsent > 0) event.preventDefault();
+});
 
 files.addEventListener("change", () => sendAll(files.files));
 for (const name of ["dragenter", "dragover"]) {
