@@ -160,6 +160,7 @@ def test_user_walks_from_three_files_to_a_report(walk: Walk, files: list[Path]) 
     add_three_files(walk, files)
     walk.check()
 
+    read_a_refusal(walk)
     start_fit(page)
     # The page says "succeeded" before it loads itself again with the result.
     page.wait_for_selector("text=Open report")
@@ -256,6 +257,25 @@ def overtake(article: Locator, label: str) -> None:
               }
             }"""
         )
+
+
+def read_a_refusal(walk: Walk) -> None:
+    """A refused fit says why, for as long as nothing else succeeds, and erases nothing."""
+    page = walk.page
+    with page.expect_response("**/prospects"):
+        # The answer that the page itself requests arrives after the refusal and leaves it.
+        page.reload()
+        page.click("text=More options")
+        page.fill("[name=known]", "Kt25=foo")
+        page.click("text=Start fit")
+        page.locator("#problem", has_text="expected NAME=VALUE").wait_for()
+    page.wait_for_load_state("networkidle")
+    assert page.locator("#problem .notice").is_visible()
+    assert page.input_value("[name=known]") == "Kt25=foo"
+    # The browser itself and htmx report the status on the console.
+    assert all(re.search("422|responseError", message) for message in walk.console)
+    walk.console.clear()
+    page.fill("[name=known]", "")
 
 
 def start_fit(page: Page) -> None:

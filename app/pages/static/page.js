@@ -34,6 +34,8 @@ htmx.logger = (_, name, detail) => {
 showLocalTimes(document);
 document.addEventListener("htmx:load", (event) => showLocalTimes(event.detail.elt.parentElement ?? document));
 document.addEventListener("htmx:afterRequest", (event) => {
-  const { successful, requestConfig } = event.detail;
-  if (successful && requestConfig.verb !== "get") document.getElementById("problem").replaceChildren();
+  const { elt, successful, requestConfig } = event.detail;
+  // The prospects are requested by the page itself.
+  const isOfUser = requestConfig.verb !== "get" && elt.id !== "prospects";
+  if (successful && isOfUser) document.getElementById("problem").replaceChildren();
 });
