@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from anyio import to_thread
-from fastapi import APIRouter, Form, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import HTMLResponse
 from pydantic import ValidationError
 
@@ -112,17 +112,20 @@ async def prospects(
 
 
 @router.post("/runs/{run_id}/motor")
-def rename(
+async def rename(
     run_id: str,
+    request: Request,
     page: Page,
     services: ServicesDep,
     caller: CallerDep,
-    name: Annotated[str, Form(max_length=10_000)] = "",
     motor: MotorFilter = None,
 ) -> HTMLResponse:
     """Set the motor of a run."""
-    services.choice.rename(caller, run_id, name)
-    return page("choice", choice=choice_of(services, caller, motor))
+    # htmx sends the whole form, so the names of the other runs are in the body too.
+    name = (await texts_of(request)).get(f"motor.{run_id}", "")
+    await to_thread.run_sync(services.choice.rename, caller, run_id, name)
+    view = await to_thread.run_sync(choice_of, services, caller, motor)
+    return page("choice", choice=view)
 
 
 @router.delete("/runs/{run_id}")

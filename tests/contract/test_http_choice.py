@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import secrets
+import urllib.parse
 from collections.abc import Iterator
 
 import httpx
@@ -107,8 +108,16 @@ def test_motor_is_named_after_the_upload(http: httpx.Client) -> None:
     """The list of another motor does not contain the run any more."""
     run = ids(http)
 
-    http.post(f"/runs/{run['d.csv']}/motor", data={"name": "servo 2"})
+    # The browser sends the names of all runs of the form, the last of which is that of a.csv.
+    names = re.findall(r'name="(motor\.\w+|name)"', http.get("/").text)
+    typed = [("servo 2" if run["d.csv"] in name else "servo 1") for name in names]
+    body = urllib.parse.urlencode(list(zip(names, typed, strict=True)))
+    http.post(
+        f"/runs/{run['d.csv']}/motor", content=body,
+        headers={"Content-Type": "application/x-www-form-urlencoded"},
+    )  # fmt: skip
 
+    assert len(names) == len(FILES)
     assert set(shown(http.get("/", params={"motor": "servo 2"}).text)) == {run["d.csv"]}
     assert run["d.csv"] not in shown(http.get("/", params={"motor": "servo 1"}).text)
 
