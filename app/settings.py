@@ -99,7 +99,7 @@ class Settings(BaseSettings):
     """Time limit of an upload [s]."""
     request_s: float = Field(default=20.0, gt=0)
     """Time limit for receiving any other request, and for an idle connection [s]."""
-    read_memory_bytes: int = Field(default=2_000_000_000, ge=300_000_000)
+    read_memory_bytes: int = Field(default=2_000_000_000, ge=800_000_000)
     """Limit on the address space of a reader process [bytes]."""
     read_cpu_s: int = Field(default=60, ge=1)
     """Limit on the processor time of a reader process [s]."""

@@ -19,6 +19,10 @@ from identification.ingest.columns import similar_columns
 from identification.ingest.read import list_columns
 from identification.ingest.units import CHANNEL_QUANTITIES
 
+# Imported once in the fork server: each child would need 0.7 s of CPU time for these.
+from identification.preview import examine
+from identification.reporting.columns import extremes
+
 __all__ = ["handle"]
 
 _BUCKETS = 200
@@ -56,8 +60,6 @@ def handle(task: dict[str, Any], answer: int) -> None:
 
 def _preview(task: dict[str, Any], limits: Limits, answers: Answers) -> None:
     """Send the preview of files, first without the precision, whose computation may fail."""
-    from identification.preview import examine
-
     files = [(task["path"], task["name"], task["mapping"]), *task["further"]]
     mapping = task["mapping"]
     names = [name for _, name, _ in files]
@@ -77,8 +79,6 @@ def _pending(task: dict[str, Any], limits: Limits) -> dict[str, Any]:
 
     An entry of the mapping of a bench applies only if the file has its column.
     """
-    from identification.preview import examine
-
     mapping = task["mapping"]
     try:
         columns = list_columns(task["path"], name=task["name"], limits=limits)
@@ -126,8 +126,6 @@ def _suggested(columns: Sequence[Column]) -> dict[str, str]:
 
 def _samples(run: Run) -> dict[str, list[float]]:
     """Extremes of each channel over time, for a plot."""
-    from identification.reporting.columns import extremes
-
     channels = run.channels
     kept = extremes(list(channels.values()), _BUCKETS)
     # Six digits are finer than a screen shows.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -215,3 +217,21 @@ def test_retry_time_follows_the_mean_reading_time() -> None:
 
     # Mean 0.3 - 0.2 * 0.9**10 = 0.23 s, fifty times; a busy machine is slower, never faster.
     assert anyio.run(load) >= 11.0
+
+
+def test_fork_server_has_the_modules_of_a_preview(run: Path) -> None:
+    """A child that imports them itself takes ten times the CPU time of the file."""
+    code = """
+import sys
+from app.runs import parser
+before = set(sys.modules)
+task = {"path": sys.argv[1], "name": "a.csv", "mapping": None, "is_of_bench": False}
+found = parser._pending(task, parser.Limits(rows=1_000))
+new = sorted(set(sys.modules) - before)
+slow = [name for name in new if name.split(".")[0] in ("identification", "scipy", "casadi")]
+print(found["summary"]["rows"], slow)
+"""
+    command = [sys.executable, "-c", code, str(run)]
+    found = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+
+    assert found.stdout == "60 []\n"
