@@ -23,7 +23,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import effects_of
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen, voltage_noise_power
 from identification.fit.order_tracking import path_size
@@ -94,6 +94,14 @@ class EvaluatedModel:
         """Whether cost and normal equations are finite; other models are never selected."""
         return bool(np.isfinite(self.fit.cost)) and self.fit.equations.is_finite
 
+    def effects_added_to(self, simpler: EvaluatedModel) -> list[AbstractEffect]:
+        """Effects of types that the simpler model lacks; they may stand anywhere among the terms.
+
+        The terms are in the order in which they were accepted, another one in each path of search.
+        """
+        known = {term.name for term in simpler.fit.simulator.model.terms}
+        return [t for t in effects_of(self.fit.simulator.model.terms) if t.name not in known]
+
     def criteria(
         self, simpler: EvaluatedModel, tried: int, policy: SelectionPolicy = DEFAULT
     ) -> AcceptanceCriteria:
@@ -107,8 +115,7 @@ class EvaluatedModel:
         shared = self.fit.position.size - simpler.fit.position.size
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.fraction, 2.0)
-        known = {term.name for term in simpler.fit.simulator.model.terms}
-        added = [t for t in effects_of(self.fit.simulator.model.terms) if t.name not in known]
+        added = self.effects_added_to(simpler)
         shared += sum(len(term.moments) for term in added)
         more = shared + _lasting(self.fit) - _lasting(simpler.fit)
         fall = np.full(2, np.inf)

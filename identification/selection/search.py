@@ -30,7 +30,7 @@ that fit equally well are reported as alternatives with their posterior probabil
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 
 from identification.fit.campaign import Campaign
@@ -319,28 +319,30 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
         simpler = trials.without(current, term)
         criteria = trials.criteria(current, simpler)
         rivals = [
-            settled(state, rival, term) for rival in trials.evaluated_rivals(simpler, term.name)
+            settled(state, rival, simpler, term)
+            for rival in trials.evaluated_rivals(simpler, term.name)
         ]
         if not trials.budget.spent and term.name != "unlisted":
-            curves = [r for r in rivals if r.fit.simulator.model.terms[-1].name == "unlisted"]
+            curves = [r for r in rivals if r.effects_added_to(simpler)[0].name == "unlisted"]
             rivals = [*rivals_of(state, simpler, term.name), *curves]
         rivals = [rival for rival in rivals if trials.criteria(rival, simpler).passed]
         models = [current, *rivals]
         odds = probabilities(scores_of(models))
         best = models[ranked(models, trials.policy)[0]]
         better = best if best is not current else better
-        alternatives = _alternatives(rivals, odds[1:].tolist(), trials.policy.reported_probability)
+        names = [rival.effects_added_to(simpler)[0].name for rival in rivals]
+        rated = zip(names, odds[1:].tolist(), rivals, strict=True)
+        alternatives = _alternatives(rated, trials.policy.reported_probability)
         effects.append(Found(term.name, float(odds[0]), criteria, alternatives))
     return sorted(effects, key=lambda effect: -effect.criteria.gain), better
 
 
 def _alternatives(
-    rivals: Sequence[EvaluatedModel], odds: Sequence[float], least: float
+    rated: Iterable[tuple[str, float, EvaluatedModel]], least: float
 ) -> tuple[Alternative, ...]:
     """Effect types with a probability above `least`, each with the fit of its most probable law."""
     found: dict[str, Alternative] = {}
-    for probability, rival in sorted(zip(odds, rivals, strict=True), key=lambda item: -item[0]):
-        name = rival.fit.simulator.model.terms[-1].name
+    for name, probability, rival in sorted(rated, key=lambda item: -item[1]):
         known = found.get(name) or Alternative(name, 0.0, rival.fit, rival.fraction)
         found[name] = replace(known, probability=known.probability + probability)
     ordered = sorted(found.values(), key=lambda other: -other.probability)

@@ -185,16 +185,18 @@ def exchange(state: State) -> None:
         state.current = models[ranked(models, trials.policy)[0]]
 
 
-def settled(state: State, rival: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
+def settled(
+    state: State, rival: EvaluatedModel, simpler: EvaluatedModel, term: AbstractTerm
+) -> EvaluatedModel:
     """Rival with another effect in place of `term`, compared at its optimum.
 
     Effects of the same equation and drivers have nearly the same signature, so an unfinished fit of
     one decides nothing against the other.  It is repeated from the optimum of the current model,
-    even after the budget is spent.  The last term of the rival replaces `term` of the current
-    model.
+    even after the budget is spent.  Both models extend the simpler one by one effect; that of the
+    rival replaces `term` of the current model.
     """
     trials, current = state.trials, state.current
-    (*_, added) = effects_of(rival.fit.simulator.model.terms)
+    (added,) = rival.effects_added_to(simpler)
     is_like = (added.equation, added.drivers) == (term.equation, term.drivers)
     if not is_like or not trials.is_due(rival, current):
         return rival

@@ -13,7 +13,7 @@ from identification.selection import search
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import EvaluatedModel
 from identification.selection.score import Score, gathered
-from identification.selection.steps import State
+from identification.selection.steps import State, settled
 from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
@@ -152,3 +152,35 @@ def test_an_unfinished_fit_of_the_true_friction_is_finished_before_a_friction_is
 
     assert score.candidate.term.name == found.name == "coulomb_friction"
     assert found.probability > 0.95
+
+
+def extended(trials: Trials, model: EvaluatedModel, name: str) -> EvaluatedModel:
+    """The model with an effect of this type added."""
+    scores = [s for s in trials.scores(model) if s.candidate.term.name == name]
+    fits = trials.refits(model, with_predicted_gain(scores, 1))
+    return trials.finish_best(model, fits)[0]
+
+
+def test_a_rival_whose_effects_were_accepted_in_another_order_competes_with_its_own_effect() -> (
+    None
+):
+    """The rival found the Stribeck friction first; the brush drop is common to both models."""
+    measured = make_campaign(
+        "servo_150w", ["coulomb_friction", "brush_drop"], seed=5, rows=800, training=2, validation=1
+    )
+    campaign = records_of_bench(measured)
+    trials = Trials(campaign)
+    nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
+    drop = extended(trials, nominal, "brush_drop")
+    current = extended(trials, drop, "coulomb_friction")
+    first = extended(trials, nominal, "stribeck_friction")
+    rival = extended(trials, first, "brush_drop")
+    unfinished = replace(rival, fit=replace(rival.fit, converged=False))
+    (*_, friction) = current.fit.simulator.model.terms
+
+    finished = settled(State(trials, nominal, current), unfinished, drop, friction)
+
+    assert [term.name for term in finished.fit.simulator.model.terms] == [
+        "brush_drop",
+        "stribeck_friction",
+    ]
