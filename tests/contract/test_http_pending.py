@@ -120,7 +120,7 @@ def test_run_added_before_its_correction_is_examined_is_added_as_corrected(
 
     page.http.post("/pending/confirm")
 
-    (added,) = page.runs()
+    (added,) = page.http.get("/api/v1/runs").json()["items"]
     assert added["mapping"] == mapping
     assert added["channels"]["voltage_V"]["max"] == pytest.approx(
         2.0 * max(before["voltage_V"]), rel=1e-4

@@ -26,7 +26,7 @@ from tests.ingest.writers import workbook
 from tests.motors import campaign, motor_named
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Locator, Page
+    from playwright.sync_api import Locator, Page, Route
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
@@ -213,7 +213,7 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
     overtake(page.locator("article.pending", has_text="bench.xlsx"), "Sign of current")
     page.wait_for_load_state("networkidle")
     # What was typed just before the click reaches the service first, however slowly.
-    page.route("**/pending/labels", lambda route: (time.sleep(1.0), route.continue_()))
+    page.route("**/pending/labels", send_late)
     page.fill("#motor", "servo 1")
     with page.expect_navigation():
         page.click("text=Add 3 runs")
@@ -226,6 +226,12 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
     uploaded = str(shown.get_attribute("title"))
     # Kolkata is 5 h 30 min ahead of UTC.
     assert shown.inner_text()[-2:] == f"{(int(uploaded[14:16]) + 30) % 60:02d}"
+
+
+def send_late(route: Route) -> None:
+    """Send a request a second after the page."""
+    time.sleep(1.0)
+    route.continue_()
 
 
 def select_when_replaced(article: Locator, label: str, text: str) -> None:
