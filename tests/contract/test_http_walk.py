@@ -119,7 +119,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     pytest.importorskip("openpyxl", reason="openpyxl is not installed")
     pytest.importorskip("python_calamine", reason="python-calamine is not installed")
     directory = tmp_path_factory.mktemp("files")
-    names = ("pruefstand.csv", "bench.xlsx", "scope.mat")
+    names = ("pruefstand.csv", "bench.xlsx", f"scope{4 * '_of_the_second_bench'}.mat")
     paths = [directory / name for name in names]
     runs = campaign(motor_named("servo 100 W"), seed=3, runs=3, rows=600)
     german, sheet, scope = runs
@@ -197,7 +197,7 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
     assert page.input_value("#motor") == "servo"
     assert page.locator("article.pending .uplot").first.is_visible()
     walk.check()
-    scope = page.locator("article.pending", has_text="scope.mat")
+    scope = page.locator("article.pending", has_text="scope_of")
     select_when_replaced(scope, "Unit of voltage", "V")
     for channel, column, unit in (
         ("voltage", "CH1", "V"), ("current", "CH2", "A"), ("speed", "CH3", "rad/s"),
