@@ -100,7 +100,8 @@ class Settings(BaseSettings):
     request_s: float = Field(default=20.0, gt=0)
     """Time limit for receiving any other request, and for an idle connection [s]."""
     read_memory_bytes: int = Field(default=2_000_000_000, ge=800_000_000)
-    """Limit on the address space of a reader process [bytes]."""
+    """Limit on the address space of a reader process, of which its libraries take 0.7 GB; at least
+    800 MB [bytes]."""
     read_cpu_s: int = Field(default=60, ge=1)
     """Limit on the processor time of a reader process [s]."""
     read_wall_s: float = Field(default=120.0, gt=0)
