@@ -89,7 +89,7 @@ def comparison_view(
 
     The step responses have the same controller and temperatures.
     """
-    from identification.fleet.refit import refit_of
+    from identification.fleet.refit import searches_effects
     from identification.reporting.figures.curves import compared_steps_figure
     from identification.reporting.figures.drawn import drawn_chart
 
@@ -99,7 +99,7 @@ def comparison_view(
         "parameters": attempts.rows("table of parameters", _parameters, first, second),
         "effects": attempts.rows("table of effects", _effects, first, second),
         "errors": attempts.rows("table of errors", _errors, first, second),
-        "is_tested": refit_of("", "", first).is_searched == refit_of("", "", second).is_searched,
+        "is_tested": searches_effects(first) == searches_effects(second),
         "shared": len(_training(first) & _training(second)),
         "steps": [
             {

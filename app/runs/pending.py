@@ -6,7 +6,6 @@ second browser shows the same.  The mapping of a bench applies to the next files
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections.abc import Mapping, Sequence
@@ -25,7 +24,7 @@ from app.disk import open_regular
 from app.errors import FileLost, NotFound, RunRefused
 from app.identifiers import new_id
 from app.runs.reading import RunReader
-from app.runs.service import new_run, stored_before
+from app.runs.service import mapping_digest, new_run, stored_before
 from app.runs.upload import Upload
 from app.storage import Storage, refused_when_full
 from app.tables import BenchRow, PendingRow, RunRow
@@ -84,15 +83,18 @@ class PendingRuns:
 
     def known(self, caller: Caller, rows: Sequence[PendingRow]) -> set[str]:
         """IDs of pending runs whose file and mapping are those of a run or of an earlier one."""
-        known, seen = set(), set()
+        columns = select(RunRow.sha256, RunRow.mapping_sha256)
+        query = columns.where(
+            RunRow.workspace == caller.workspace, RunRow.sha256.in_({row.sha256 for row in rows})
+        )
         with self._database.reading() as session:
-            for row in rows:
-                content = (row.sha256, json.dumps(row.mapping, sort_keys=True))
-                if content in seen or stored_before(
-                    session, caller.workspace, row.sha256, row.mapping
-                ):
-                    known.add(row.id)
-                seen.add(content)
+            before = {tuple(found) for found in session.execute(query)}
+        known = set()
+        for row in rows:
+            content = (row.sha256, mapping_digest(row.mapping))
+            if content in before:
+                known.add(row.id)
+            before.add(content)
         return known
 
     def benches(self, caller: Caller) -> Sequence[str]:
@@ -247,7 +249,7 @@ class PendingRuns:
 
 
 def _is_outdated(row: PendingRow) -> bool:
-    """Whether a pending run was examined with an earlier mapping than its own."""
+    """True if a pending run was examined with an earlier mapping than its own."""
     return bool(row.found["mapping"] != row.mapping)
 
 

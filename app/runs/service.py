@@ -27,7 +27,7 @@ from app.storage import Storage, refused_when_full
 from app.tables import FitRow, FitRunRow, RunRow
 from app.texts import checked_label
 
-__all__ = ["RunService", "new_run", "stored_before"]
+__all__ = ["RunService", "mapping_digest", "new_run", "stored_before"]
 
 _MEASURED = ("rows", "sample_rate_hz", "duration_s", "channels", "warnings")
 _NOTED_AGAIN_S = 3600.0
@@ -183,7 +183,7 @@ def stored_before(
 ) -> RunRow | None:
     """Run with these bytes and this mapping, or None."""
     query = select(RunRow).filter_by(
-        workspace=workspace, sha256=sha256, mapping_sha256=_digest(mapping)
+        workspace=workspace, sha256=sha256, mapping_sha256=mapping_digest(mapping)
     )
     return session.scalars(query).one_or_none()
 
@@ -200,14 +200,14 @@ def new_run(
         workspace=workspace,
         sha256=sha256,
         mapping=mapping,
-        mapping_sha256=_digest(mapping),
+        mapping_sha256=mapping_digest(mapping),
         created_at=time.time(),
         **columns,
         **{name: found[name] for name in _MEASURED},
     )
 
 
-def _digest(mapping: Mapping[str, Any] | None) -> str:
+def mapping_digest(mapping: Mapping[str, Any] | None) -> str:
     """SHA-256 of a mapping; the same bytes with the same mapping are the same run."""
     text = json.dumps(mapping, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

@@ -35,23 +35,24 @@ _WORDS: Final = {
 }
 """Variant by direction; the direction is a setting in results and keeps its text."""
 _IN_STEPS: Final = ", coarse resolution"
-_HARMONICS: Final = np.arange(1, 6)
+_HARMONICS: Final = 5
 """Sine and cosine pairs of the error of a log in coarse steps."""
+_ERRORS: Final = (
+    "error",
+    *(f"{wave}_{k}" for k in range(1, _HARMONICS + 1) for wave in ("cosine", "sine")),
+)
 
 
-def _orthonormal() -> Array:
-    """(n_wave, n_error) errors in terms of a constant, cosines and sines of half periods.
-
-    They are orthogonal over 0 <= t <= D and have a mean square of one.
-    """
-    phases = np.outer((np.arange(2000) + 0.5) / 2000, np.pi * _HARMONICS)
-    waves = np.column_stack([np.ones(len(phases)), np.cos(phases), np.sin(phases)])
-    squares, directions = np.linalg.eigh(waves.T @ waves / len(waves))
-    return np.asarray(directions / np.sqrt(squares))
+def _waves(fraction: Array) -> Array:
+    """(n, n_error) error by a unit of each amplitude, at fractions (n,) of the longest run."""
+    phases = np.outer(fraction, np.pi * np.arange(1, _HARMONICS + 1))
+    pairs = np.stack([np.cos(phases), np.sin(phases)], axis=2)
+    return np.column_stack([np.ones(fraction.size), pairs.reshape(fraction.size, -1)])
 
 
-_SHAPES: Final = _orthonormal()
-_ERRORS: Final = tuple(f"error_{k}" for k in range(1, _SHAPES.shape[1] + 1))
+_POINTS: Final = (np.arange(2000) + 0.5) / 2000
+_ROOT: Final = np.linalg.qr(_waves(_POINTS) / np.sqrt(_POINTS.size)).R
+"""Matrix whose product with the amplitudes has the mean square of the error as its square."""
 
 
 def _moves(scales: CampaignScales) -> bool:
@@ -114,7 +115,7 @@ class WindingLag(_Lag):
         T_w = T + tau dT/dt                  T lags the winding                [degC]
         T_w = T + e + tau d(T + e)/dt        the same, T in coarse steps       [degC]
 
-        e = sum_k a_k e_k(t / D)                                               [K]
+        e = e_0 + sum_k c_k cos(k pi t / D) + s_k sin(k pi t / D),   k <= 5    [K]
 
     The second law inverts the lag of a thermometer, such as a thermocouple on the case.  It holds
     for any course of the temperature.  dT/dt is the derivative of a smoothing spline through the
@@ -123,11 +124,10 @@ class WindingLag(_Lag):
 
     If the log has coarse steps without noise to dither them, the temperature is unknown within half
     a step, and its derivative with it.  The third law, an extended variant, therefore adds an error
-    e, free in each record: e_k are the eleven orthonormal combinations of a constant and the first
-    five cosines and sines of half periods over the duration D of the longest run.  The prior
-    variances of all a_k sum to that of rounding, step^2 / 12, or each is that of the amplitudes in
-    the runs if it is larger.  Over a constant stretch of the log, the mean of T + e is the level of
-    the log, with the standard deviation of rounding.
+    e, free in each record; D is the duration of the longest run.  The prior is that of eleven
+    orthonormal combinations of the waves over D, whose variances sum to that of rounding,
+    step^2 / 12, or are those in the runs if they are larger.  Over a constant stretch of the log,
+    the mean of T + e is the level of the log, with the standard deviation of rounding.
     """
 
     direction: str = _BEHIND
@@ -137,7 +137,7 @@ class WindingLag(_Lag):
     step: float = 0.0
     """Step of the log if no noise dithers it, else zero [K]."""
     size: float = 0.0
-    """Prior standard deviation of the amplitudes of e; zero without e [K]."""
+    """Prior standard deviation of each orthonormal combination in e; zero without e [K]."""
 
     name = "winding_lag"
     confusions = (RESISTANCE,)
@@ -166,7 +166,7 @@ class WindingLag(_Lag):
         return Candidate(scored, starts, len(_ERRORS), self.expecting(0.0), columns(lag))
 
     def expecting(self, size: float) -> WindingLag:
-        """The term with an error whose amplitudes have this standard deviation or more [K]."""
+        """The term with an error whose combinations have this standard deviation or more [K]."""
         return replace(self, size=max(size, self.step / math.sqrt(12.0 * len(_ERRORS))))
 
     @property
@@ -197,19 +197,23 @@ class WindingLag(_Lag):
 
     def log_error(self, time: Array) -> Array | None:
         """Error of a log in coarse steps, without its derivative [K]."""
-        if not self.size or self.direction == _BEHIND:
-            return None
-        phases = np.outer(time / self.duration, np.pi * _HARMONICS)
-        waves = np.column_stack([np.ones(time.size), np.cos(phases), np.sin(phases)])
-        return np.asarray(waves @ _SHAPES)
+        return _waves(time / self.duration) if self.own_root is not None else None
+
+    @property
+    def own_root(self) -> Array | None:
+        """The prior is one of the error, whose half periods are nearly linearly dependent."""
+        return _ROOT if self.size and self.direction != _BEHIND else None
 
     def _error(self, signals: Signals, amplitudes: Values, values: Values) -> Expression:
         """Error of the log and its derivative, as the body feels them [K]."""
-        rates = ca.DM(np.pi * _HARMONICS / self.duration)
-        cosines, sines = ca.cos(rates * signals.time), ca.sin(rates * signals.time)
-        leads = values.time_constant * rates
-        waves = ca.vertcat(1, cosines - leads * sines, sines + leads * cosines)
-        return ca.dot(waves, _SHAPES @ ca.vertcat(*(getattr(amplitudes, n) for n in _ERRORS)))
+        felt = amplitudes.error
+        for k in range(1, _HARMONICS + 1):
+            rate = k * np.pi / self.duration
+            cosine, sine = ca.cos(rate * signals.time), ca.sin(rate * signals.time)
+            lead = values.time_constant * rate
+            felt += getattr(amplitudes, f"cosine_{k}") * (cosine - lead * sine)
+            felt += getattr(amplitudes, f"sine_{k}") * (sine + lead * cosine)
+        return felt
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Rate of the winding's temperature, or none of the constant amplitudes [K/s]."""

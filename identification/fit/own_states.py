@@ -37,9 +37,9 @@ __all__ = ["amplitude_sizes", "own_cost", "state_precision", "state_prior"]
 def own_cost(simulator: Simulator, states: Sequence[Array]) -> Array | float:
     """Negative log prior of the per-record amplitudes, zero without such states [-]."""
     cost: Array | float = 0.0
-    for _, rows, size in _own(simulator.model):
+    for _, rows, size, root in _own(simulator.model):
         for state in states:
-            cost = cost + 0.5 * np.sum((state[rows] / size) ** 2, axis=0)
+            cost = cost + 0.5 * np.sum((root @ state[rows] / size) ** 2, axis=0)
     for record, state in zip(simulator.records, states, strict=True):
         for own, errors, levels in _logged(simulator.model, record):
             cost = cost + 0.5 * np.sum((levels - (errors @ state[own]).T) ** 2, axis=-1)
@@ -63,7 +63,7 @@ def state_precision(simulator: Simulator, k: int) -> Array:
 
 
 def state_prior(simulator: Simulator, k: int) -> tuple[Array, Array]:
-    """Prior of the initial state of a record, with what a coarse temperature log tells.
+    """Prior of the initial state of a record, with the levels of a coarse temperature log.
 
     Returns:
         (n_state, n_state) inverse covariance, and its product with the mean, (n_state,).
@@ -71,6 +71,8 @@ def state_prior(simulator: Simulator, k: int) -> tuple[Array, Array]:
     record = simulator.records[k]
     broad = state_precision(simulator, k)
     precision, pull = np.diag(broad), broad * initial_states(simulator.model, record)
+    for _, own, size, root in _own(simulator.model):
+        precision[np.ix_(own, own)] = root.T @ root / size**2
     for rows, errors, levels in _logged(simulator.model, record):
         precision[rows, rows] += errors.T @ errors
         pull[rows] += errors.T @ levels
@@ -78,7 +80,7 @@ def state_prior(simulator: Simulator, k: int) -> tuple[Array, Array]:
 
 
 def _logged(model: MotorModel, record: Record) -> Iterator[tuple[slice, Array, Array]]:
-    """What the levels of a coarse temperature log tell of each term with an error of the log.
+    """Levels of a coarse temperature log as measurements of the error of the log, for each term.
 
     Yields:
         Rows of the term in the state, (n_level, n_amplitude) error by a unit of each amplitude, and
@@ -105,33 +107,34 @@ def amplitude_sizes(fit: Fit) -> dict[str, float]:
     amplitude, the present size remains.
     """
     sizes: dict[str, float] = {}
-    variances = _variances(fit)
-    for name, rows, size in _own(fit.simulator.model):
-        squares = sum(float(np.sum(state[rows] ** 2)) for state in fit.states)
-        determined = float(np.sum(1.0 - variances[:, rows] / size**2))
+    covariances = _covariances(fit)
+    for name, rows, size, root in _own(fit.simulator.model):
+        squares = sum(float(np.sum((root @ state[rows]) ** 2)) for state in fit.states)
+        own = root @ covariances[:, rows[:, None], rows] @ root.T
+        determined = float(np.sum(1.0 - np.diagonal(own, axis1=1, axis2=2) / size**2))
         sizes[name] = float(np.sqrt(squares / determined)) if determined >= 1.0 else size
     return sizes
 
 
-def _own(model: MotorModel) -> list[tuple[str, NDArray[np.int64], float]]:
-    """Name, rows in the state, and prior size of the per-record amplitudes of each term."""
+def _own(model: MotorModel) -> list[tuple[str, NDArray[np.int64], float, Array]]:
+    """Name, rows in the state, size and root of the prior of each term's per-record amplitudes."""
     found, at = [], 2
     for term in model.terms:
         own = [at + k for k, state in enumerate(term.states) if state.is_own]
         at += len(term.states)
         if own:
             size = next(state.scale for state in term.states if state.is_own)
-            found.append((term.name, np.array(own, dtype=np.int64), float(size)))
+            root = np.eye(len(own)) if term.own_root is None else term.own_root
+            found.append((term.name, np.array(own, dtype=np.int64), float(size), root))
     return found
 
 
-def _variances(fit: Fit) -> Array:
-    """Variances of the initial states, (n_record, n_state)."""
+def _covariances(fit: Fit) -> Array:
+    """Covariances of the initial states, (n_record, n_state, n_state)."""
     equations = fit.equations
     covariance = equations.covariance()
     found = []
     for k, matrix in enumerate(equations.state_matrices):
         response = equations.state_response(k)
-        own = solution(matrix, np.eye(matrix.shape[0]))
-        found.append(np.diag(own) + np.einsum("ij,jk,ik->i", response, covariance, response))
+        found.append(solution(matrix, np.eye(len(matrix))) + response @ covariance @ response.T)
     return np.array(found)

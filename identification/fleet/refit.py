@@ -14,7 +14,15 @@ from typing import Any
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.entries import known_only_from
 
-__all__ = ["Estimate", "Refit", "Size", "compared_with", "estimate_of", "refit_of"]
+__all__ = [
+    "Estimate",
+    "Refit",
+    "Size",
+    "compared_with",
+    "estimate_of",
+    "refit_of",
+    "searches_effects",
+]
 
 _NORMAL_90 = 1.645
 _OF_SINGLE_RUNS = frozenset({"load_step", "inertia_change", "unlisted"})
@@ -148,9 +156,14 @@ def refit_of(
             if effect["name"] not in _OF_SINGLE_RUNS and effect.get("parameters")
         ),
         equations={str(effect["name"]): str(effect.get("equation", "")) for effect in effects},
-        is_searched=bool((result.get("options") or {}).get("effects", True)),
+        is_searched=searches_effects(result),
         correlation=_correlation(result.get("correlation") or {}),
     )
+
+
+def searches_effects(result: Mapping[str, Any]) -> bool:
+    """True if the fit of a result searched for effects."""
+    return bool((result.get("options") or {}).get("effects", True))
 
 
 def _correlation(entry: Mapping[str, Any]) -> dict[tuple[str, str], float]:

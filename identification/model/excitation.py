@@ -206,9 +206,8 @@ def records_of(
             if stop - start >= 2:
                 made = _record(run, first + k, start, stop, temperature, highest)
                 unknown = expected if run.temperature is None else None
-                log = (
-                    run.temperature[start:stop] if coarse and run.temperature is not None else None
-                )
+                log = run.temperature
+                log = log[start:stop] if coarse and log is not None else None
                 records.append(replace(made, expected=unknown, resolution=coarse, coarse_log=log))
     return records
 

@@ -150,6 +150,14 @@ class AbstractTerm(ABC):
         return ()
 
     @property
+    def own_root(self) -> Array | None:
+        """R (n, n_state) of the prior of per-record amplitudes a: R a has the variance scale^2.
+
+        None if the amplitudes are independent.
+        """
+        return None
+
+    @property
     def tracked(self) -> Tracked | None:
         """Names that order tracking needs, if the term depends on an integrated angle."""
         return None

@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.effects.lag import WindingLag
 from identification.fit.declared import fit_declared
-from identification.fit.own_states import own_cost, state_precision, state_prior
+from identification.fit.own_states import own_cost, state_prior
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator, initial_states
 from tests.motors import campaign, motor_named
@@ -53,4 +53,7 @@ def test_a_log_in_finer_steps_tells_more() -> None:
     assert np.all(told[1] > told[0])
     fine = _lagging(1.0)
     plain = replace(fine, records=(replace(fine.records[0], coarse_log=None),))
-    np.testing.assert_allclose(np.diag(state_prior(plain, 0)[0]), state_precision(plain, 0))
+    (term,) = fine.model.terms
+    assert term.own_root is not None
+    alone = term.own_root.T @ term.own_root / term.states[0].scale ** 2
+    np.testing.assert_allclose(state_prior(plain, 0)[0][2:, 2:], alone)

@@ -33,7 +33,7 @@ async function send(file) {
   }
   line.remove();
   if (problem) notice("bad", file.name, problem);
-  else await htmx.ajax("GET", "/pending", { target: "#pending", swap: "outerHTML" });
+  else await htmx.ajax("GET", "/pending", { target: "#pending", swap: "outerHTML" }).catch(console.warn);
 }
 
 async function sendAll(list) {
@@ -59,7 +59,7 @@ function addAwaited(isRight) {
   isAwaited = false;
   const button = document.getElementById("pending-confirm");
   if (!button) return;
-  button.disabled = button.textContent.startsWith("Add 0");
+  button.disabled = button.dataset.new === "0";
   if (isRight) button.click();
 }
 
