@@ -25,8 +25,8 @@ from identification.result.report_data import (
     ReportData,
     RunTraces,
     SearchAccount,
-    StepResponse,
 )
+from identification.speed_loop import StepCurve
 
 Array = NDArray[np.float64]
 
@@ -256,14 +256,12 @@ def _coefficients(with_effect: bool) -> tuple[CoefficientCurve, ...]:
     return tuple(curves)
 
 
-def _steps() -> tuple[StepResponse, ...]:
+def _steps() -> tuple[StepCurve, ...]:
     time = np.linspace(0, 3, 240)
     responses = []
     for temperature, final in ((25.0, 0.5258), (75.0, 0.46), (125.0, 0.3982)):
         median = final * (1 - np.exp(-3.1 * time) * (1 + 1.4 * time))
-        responses.append(
-            StepResponse(temperature, "P:1", time, median, 0.97 * median, 1.03 * median)
-        )
+        responses.append(StepCurve(temperature, "P:1", time, median, 0.97 * median, 1.03 * median))
     return tuple(responses)
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from identification.result.report_data import StepResponse
+    from identification.speed_loop import StepCurve
 
 __all__ = ["APPROXIMATE", "AnalysisService", "LoopAnalysis"]
 
@@ -47,7 +47,7 @@ class LoopAnalysis:
 
     feedback: Sequence[Mapping[str, Any]]
     """The list as in result.json: metrics of each controller at each temperature."""
-    steps: Sequence[StepResponse]
+    steps: Sequence[StepCurve]
     """Step response of each, with its 90 % band."""
     remarks: tuple[str, ...] = ()
     """Limits of the numbers, in words."""
@@ -106,7 +106,6 @@ class AnalysisService:
             Unavailable: Too many analyses are computed at the moment.
         """
         # Lazy imports: numpy and scipy would slow down every start.
-        from identification.result.report_data import StepResponse
         from identification.speed_loop import feedback_metrics, parse_controllers, step_curves
         from identification.speed_loop.spread import checked_temperatures
 
@@ -114,10 +113,9 @@ class AnalysisService:
         fit = self.succeeded(caller, fit_id)
         with self._turn():
             motors = self._draws(caller, fit, draws)
-            curves = step_curves(motors, asked, parsed)
             return LoopAnalysis(
                 feedback_metrics(motors, asked, parsed),
-                [StepResponse(**vars(curve)) for curve in curves],
+                step_curves(motors, asked, parsed),
                 () if fit.has_posterior else (APPROXIMATE,),
             )
 

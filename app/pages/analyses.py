@@ -30,7 +30,7 @@ from app.texts import sentence
 from identification.errors import InputError
 
 if TYPE_CHECKING:
-    from identification.result.report_data import StepResponse
+    from identification.speed_loop import StepCurve
 
 __all__ = ["router"]
 
@@ -224,7 +224,7 @@ def compare_page(
 
 def _compared_steps(
     services: Services, caller: Caller, fits: Sequence[StoredFit]
-) -> tuple[list[Sequence[StepResponse]], str]:
+) -> tuple[list[Sequence[StepCurve]], str]:
     """Step responses of two fits with the first controller of the first one, or why there are none.
 
     The coldest and the hottest temperature of the first fit are shown.

@@ -52,11 +52,11 @@ def tuning_view(found: Mapping[str, Any], remarks: tuple[str, ...]) -> dict[str,
     """View of the first controller of a tuning: statement, step response and metrics."""
     from identification.reporting.figures.curves import step_figure
     from identification.reporting.figures.drawn import drawn_chart
-    from identification.result.report_data import StepResponse
+    from identification.speed_loop import StepCurve
 
     entry, step = found["controllers"][0], found["step_rad_s"]
     steps = [
-        StepResponse(
+        StepCurve(
             response["temperature_degC"],
             entry["controller"],
             np.array(response["time_s"]),

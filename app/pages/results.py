@@ -18,7 +18,7 @@ from identification.result.numbers import (
 
 if TYPE_CHECKING:
     from identification.fleet.drift import Drift
-    from identification.result.report_data import StepResponse
+    from identification.speed_loop import StepCurve
 
 __all__ = ["comparison_view", "result_view"]
 
@@ -83,7 +83,7 @@ def _words(name: object) -> str:
 
 
 def comparison_view(
-    results: Sequence[Result], steps: Sequence[Sequence[StepResponse]]
+    results: Sequence[Result], steps: Sequence[Sequence[StepCurve]]
 ) -> dict[str, Any]:
     """Parameters, effects, errors and step responses of two fits.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -28,9 +29,8 @@ from identification.result.report_data import (
     ReportData,
     RunTraces,
     SearchAccount,
-    StepResponse,
 )
-from identification.speed_loop import AbstractController, step_curves
+from identification.speed_loop import AbstractController, StepCurve, step_curves
 
 __all__ = ["report_data"]
 
@@ -62,7 +62,7 @@ def report_data(result: dict[str, Any], findings: Findings, created: str = "") -
     )
 
 
-def _steps(findings: Findings) -> list[StepResponse]:
+def _steps(findings: Findings) -> list[StepCurve]:
     """Exact responses of the linear loop, and simulated responses if effects act in the loop."""
     simulated = {
         (loop.controller, loop.temperature_degC): (loop.time, np.median(loop.speed, axis=1))
@@ -74,7 +74,7 @@ def _steps(findings: Findings) -> list[StepResponse]:
     for curve in step_curves(findings.draws, options.temperatures, controllers):
         known = simulated.get((curve.controller, curve.temperature_degC))
         with_effects = None if known is None else np.interp(curve.time, *known)
-        steps.append(StepResponse(**vars(curve), simulated=with_effects))
+        steps.append(replace(curve, simulated=with_effects))
     return steps
 
 

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from identification.arrays import Array
+
+if TYPE_CHECKING:
+    # Loading the closed loop would delay the first page of a result.
+    from identification.speed_loop import StepCurve as StepCurve
 
 __all__ = [
     "CandidateRow",
@@ -22,7 +26,6 @@ __all__ = [
     "PosteriorChain",
     "ReportData",
     "RunTraces",
-    "StepResponse",
     "SearchAccount",
 ]
 
@@ -87,26 +90,6 @@ class CoefficientCurve:
     """(n_point,) upper end of the band."""
     before: Array | None = None
     """(n_point,) median of the nominal model; None if that is the final model."""
-
-
-@dataclass(frozen=True, eq=False)
-class StepResponse:
-    """Speed of the closed loop after a unit step of the reference, with its 90 % band."""
-
-    temperature_degC: float
-    """Temperature of winding and magnet [degC]."""
-    controller: str
-    """Controller as the user gave it, such as ``PI:2,10``."""
-    time: Array
-    """(n_point,) increasing from zero [s]."""
-    median: Array
-    """(n_point,) speed over reference [-]."""
-    q05: Array
-    """(n_point,) lower end of the band [-]."""
-    q95: Array
-    """(n_point,) upper end of the band [-]."""
-    simulated: Array | None = None
-    """(n_point,) median with the effects in the loop [-]; None if no effect acts there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +183,7 @@ class ReportData:
     """Training runs, then validation runs."""
     coefficients: tuple[CoefficientCurve, ...] = ()
     """Ra(T) and Kt(T)."""
-    steps: tuple[StepResponse, ...] = ()
+    steps: tuple[StepCurve, ...] = ()
     """Closed-loop step responses, each controller at each temperature."""
     posterior: PosteriorChain | None = None
     """The chain; None if not sampled."""

@@ -43,6 +43,8 @@ class StepCurve:
     """(n_time,) [rad/s]."""
     q95: Array
     """(n_time,) [rad/s]."""
+    simulated: Array | None = None
+    """(n_time,) median with the effects in the loop [rad/s]; None if not simulated."""
 
 
 @np.errstate(all="ignore")

@@ -46,8 +46,8 @@ from identification.result.report_data import (
     MissingTrace,
     PosteriorChain,
     RunTraces,
-    StepResponse,
 )
+from identification.speed_loop import StepCurve
 from tests.reports import make_report
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ FIGURES: dict[str, Callable[[Array, Array, Array], str]] = {
     "coefficient": lambda a, b, c: coefficient_figure(
         CoefficientCurve("Ra", "ohm", a, b, c, a, before=b), [c]
     ),
-    "steps": lambda a, b, c: step_figure([StepResponse(25.0, "P:1", TIME, a, b, c, a)]),
+    "steps": lambda a, b, c: step_figure([StepCurve(25.0, "P:1", TIME, a, b, c, a)]),
     "missing": lambda a, b, c: missing_term_figure(_term(a, b, (c, a, b, c), "drag")),
     "unlisted": lambda a, b, c: missing_term_figure(_term(a, b, (), "")),
     "over time": lambda a, b, c: missing_over_time(

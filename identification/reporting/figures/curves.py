@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,16 @@ from identification.result.numbers import (
     unit_prefix,
     unit_text,
 )
-from identification.result.report_data import (
-    CoefficientCurve,
-    MissingTerm,
-    MissingTrace,
-    PosteriorChain,
-    StepResponse,
-)
 from identification.result.residuals import Correlation
+
+if TYPE_CHECKING:
+    from identification.result.report_data import (
+        CoefficientCurve,
+        MissingTerm,
+        MissingTrace,
+        PosteriorChain,
+        StepCurve,
+    )
 
 __all__ = [
     "coefficient_figure",
@@ -66,7 +68,7 @@ def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -
     )  # fmt: skip
 
 
-def step_figure(steps: Sequence[StepResponse]) -> str:
+def step_figure(steps: Sequence[StepCurve]) -> str:
     """Step responses of one controller at all temperatures, each with its band and its label."""
     coldest_first = sorted(steps, key=lambda step: step.temperature_degC)
     kinds = _temperature_kinds([step.temperature_degC for step in coldest_first])
@@ -78,7 +80,7 @@ def step_figure(steps: Sequence[StepResponse]) -> str:
     return _step_chart(title, described + ".", named, kinds)
 
 
-def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
+def compared_steps_figure(first: StepCurve, second: StepCurve) -> str:
     """Step responses of two fits with the same controller at the same temperature.
 
     The first one has the colour of the nominal model.
@@ -94,7 +96,7 @@ def compared_steps_figure(first: StepResponse, second: StepResponse) -> str:
 
 
 def _step_chart(
-    title: str, described: str, named: Sequence[tuple[str, StepResponse]], kinds: Sequence[str]
+    title: str, described: str, named: Sequence[tuple[str, StepCurve]], kinds: Sequence[str]
 ) -> str:
     factor, unit = unit_prefix("s", [float(step.time[-1]) for _, step in named])
     lines, bands = [], []
