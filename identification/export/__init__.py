@@ -1,9 +1,8 @@
 """Export of an identified motor to other programs.
 
     model.py      model with the inputs of another program, from a result
-    accuracy.py   stiffness of the model, and the error of a fixed number of substeps
     language.py   printer of CasADi expressions in C, Python, MATLAB and Modelica
-    c_code.py     C file
+    c_code.py     C file, and the error of a fixed number of substeps
     fmu.py        FMU for co-simulation, FMI 2.0 and 3.0
     linear.py     transfer function and state space at a temperature
     scripts.py    scripts for other programs, with the continuous equations

@@ -2,6 +2,10 @@
 
 The step is the exponential Rosenbrock step of the simulation, printed from the same expression, so
 equal substeps give equal numbers.
+
+A result contains no signals, so the error of a number of substeps is evaluated along a synthetic
+run: the voltage follows a square wave with rests and then a sine, both of the size that the
+training runs had.
 """
 
 from __future__ import annotations
@@ -13,10 +17,14 @@ import casadi as ca
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from identification.export.accuracy import substep_errors
+from identification.arrays import Array
 from identification.export.language import C, printed
 from identification.export.model import Exported
+from identification.model.composite import INPUTS, MotorModel
 from identification.model.history import initial_history
+from identification.model.scan import scan_of
+from identification.model.substeps import divided
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["TEMPLATES", "c_code"]
 
@@ -30,6 +38,9 @@ TEMPLATES.globals["version"] = version("motorid")
 
 _ENOUGH: Final = 1e-6
 """Error over the range of the signal of the default number of substeps."""
+_ROWS: Final = 600
+_TRIED: Final = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+_REFERENCE: Final = 1024
 
 
 def c_code(motor: Exported, header: list[str]) -> str:
@@ -40,7 +51,7 @@ def c_code(motor: Exported, header: list[str]) -> str:
     names = ["x", "u", "p"]
     advance = printed(ca.Function("advance", [x, u, p], [following]), C, names, ["y"])
     sensors = printed(ca.Function("sensors", [x, u, p], [readings]), C, names, ["y"])
-    errors = substep_errors(step, motor.model, motor.values, motor.interval, motor.span)
+    errors = _substep_errors(step, motor.model, motor.values, motor.interval, motor.span)
     enough = [count for count, error in errors.items() if error <= _ENOUGH]
     # Markers in place of the readings show which channel each history value starts at.
     history = initial_history(motor.model, np.array([1.0, 2.0]))
@@ -60,3 +71,53 @@ def c_code(motor: Exported, header: list[str]) -> str:
         sensors=sensors.text,
         starts=[*motor.starts, *(marked[value] for value in history.tolist())],
     )
+
+
+def _substep_errors(
+    step: ca.Function, model: MotorModel, values: Array, interval: float, span: Array
+) -> dict[int, float]:
+    """Largest error of current and speed over their ranges, by number of substeps [-].
+
+    The reference is the simulation with 1024 substeps.
+
+    Args:
+        step: Step function (carry, inputs, parameter) -> (next carry, readings).
+        model: The model.
+        values: (n_parameter,) physical.
+        interval: Sample interval [s].
+        span: (2,) range of current and speed [A, rad/s].
+    """
+    rows = _synthetic(values, interval, span)
+    carry = np.zeros((step.size1_in(0), 1))
+    temperatures = [k for k, name in enumerate(model.state_names) if name.endswith("temperature")]
+    carry[temperatures] = REFERENCE_TEMPERATURE_DEGC
+    scan = scan_of(step, effort="once")
+
+    def simulated(count: int) -> Array:
+        counts = np.full(rows.shape[0], count, dtype=np.int64)
+        parts = scan([divided(rows, counts, model.held)], values[:, None], [carry])
+        return np.asarray(parts[1][0][::count, :, 0])
+
+    reference = simulated(_REFERENCE)
+    size = np.maximum(np.ptp(reference, axis=0), 1e-300)
+    return {count: float(np.max(np.abs(simulated(count) - reference) / size)) for count in _TRIED}
+
+
+def _synthetic(values: Array, interval: float, span: Array) -> Array:
+    """Inputs (n_row, n_input) of the synthetic run."""
+    resistance, constant = values[0], values[2]
+    size = 0.5 * (abs(resistance) * span[0] + abs(constant) * span[1])
+    k = np.arange(_ROWS)
+    square = np.array([1.0, 0.0, -0.6, 0.0, 0.3, -1.0])[(k // 50) % 6]
+    voltage = size * np.where(k < _ROWS // 2, square, np.sin(2 * np.pi * k / 150))
+    voltage = np.where(k < 5, 0.0, voltage)
+    columns = dict.fromkeys(INPUTS, np.zeros(_ROWS)) | {
+        "interval": np.append(np.full(_ROWS - 1, interval), 0.0),
+        "voltage": voltage,
+        "voltage_next": np.append(voltage[1:], voltage[-1]),
+        "time": k * interval,
+        "substeps": np.ones(_ROWS),
+    }
+    for name in ("temperature", "temperature_next", "peak_temperature"):
+        columns[name] = np.full(_ROWS, REFERENCE_TEMPERATURE_DEGC)
+    return np.column_stack([columns[name] for name in INPUTS])

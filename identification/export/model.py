@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any, Final
 
 import casadi as ca
@@ -17,12 +18,11 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.errors import InputError
-from identification.export.accuracy import design_stiffness
 from identification.export.table import entries_of
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.parameter import Parameter
 from identification.model.step import step_function
-from identification.model.step_plan import StepPlan, plan_for
+from identification.model.step_plan import StepPlan, plan_for, spectral_radius
 from identification.model.term import (
     AbstractDelay,
     AbstractHold,
@@ -34,6 +34,7 @@ from identification.model.term import (
     Values,
 )
 from identification.prediction import model_of
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["EXTERNAL", "ExportModel", "Exported", "exported_model"]
 
@@ -43,6 +44,8 @@ EXTERNAL: Final = ("load_torque", "angle_given")
 _MARGIN: Final = 1.5
 _USUAL_INTERVAL: Final = 1e-3
 _ANGLE: Final = INPUTS.index("angle")
+_SHARES: Final = (-1.0, -0.3, -1e-3, 0.0, 1e-3, 0.3, 1.0)
+"""Currents and speeds over their ranges at which the stiffness is evaluated [-]."""
 
 
 @dataclass(frozen=True)
@@ -172,8 +175,8 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
     interval = next((t.interval for t in new.delays), float(f"{1.0 / rate:.9g}"))
     peaks = [_number(run.get("hottest_degC")) for run in runs]
     span = _span(result)
-    stiffness = design_stiffness(new, own, span) * interval
-    if not np.isfinite(stiffness):
+    stiffness = _stiffness(new, own, span) * interval
+    if not stiffness > 0.0:
         raise InputError(
             "the model of the result cannot be evaluated; expected a result.json as written by "
             "'motorid fit'"
@@ -182,6 +185,20 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
         new, own, interval, span, max([p for p in peaks if p is not None], default=25.0),
         plan_for(_MARGIN * stiffness), tuple(notes),
     )  # fmt: skip
+
+
+def _stiffness(model: ExportModel, values: Array, span: Array) -> float:
+    """Largest spectral radius of df/dx over the signals of the training runs [1/s].
+
+    The values are physical, (n_parameter,); `span` (2,) is the range of current and speed [A,
+    rad/s].
+    """
+    levels = np.array(list(product(_SHARES, repeat=2))) * span
+    states = np.pad(levels, ((0, 0), (0, len(model.state_names) - 2)))
+    inputs = np.zeros((len(levels), len(INPUTS)))
+    for name in ("temperature", "peak_temperature"):
+        inputs[:, INPUTS.index(name)] = REFERENCE_TEMPERATURE_DEGC
+    return spectral_radius(model, states, inputs, np.tile(values, (len(levels), 1)))
 
 
 def _note(term: AbstractTerm, run: int) -> tuple[str, bool]:

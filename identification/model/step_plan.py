@@ -22,7 +22,7 @@ from identification.model.composite import MotorModel
 from identification.model.excitation import Record
 from identification.model.pointwise import values_at
 
-__all__ = ["StepPlan", "plan_for", "stiffness"]
+__all__ = ["StepPlan", "plan_for", "spectral_radius", "stiffness"]
 
 TOLERANCE: Final = 1e-8
 """Largest truncated term of the Taylor series, relative to the change over the interval.
@@ -106,13 +106,22 @@ def stiffness(
             still[:, 1] = 0.0
             points, rows = np.vstack([points, still]), np.tile(rows, 2)
         repeated = np.repeat(values[None], rows.size, axis=0)
-        found = values_at(_jacobian(model), points, record.inputs[rows], repeated)
-        stack = found.reshape(rows.size, state.size, state.size).transpose(0, 2, 1)
-        stack = stack[np.isfinite(stack).all(axis=(1, 2))]
-        if stack.size:
-            radius = np.abs(np.linalg.eigvals(stack)).max()
-            largest = max(largest, float(radius) * record.interval)
+        radius = spectral_radius(model, points, record.inputs[rows], repeated)
+        largest = max(largest, radius * record.interval)
     return largest
+
+
+def spectral_radius(model: MotorModel, states: Array, inputs: Array, values: Array) -> float:
+    """Largest spectral radius of df/dx at points where it is finite; 0 if there is none [1/s].
+
+    The states are (n_point, n_state), the inputs (n_point, n_input), the physical values (n_point,
+    n_parameter).
+    """
+    size = states.shape[1]
+    found = values_at(_jacobian(model), states, inputs, values)
+    stack = found.reshape(-1, size, size).transpose(0, 2, 1)
+    stack = stack[np.isfinite(stack).all(axis=(1, 2))]
+    return float(np.abs(np.linalg.eigvals(stack)).max(initial=0.0))
 
 
 @lru_cache

@@ -25,7 +25,7 @@ from identification.arrays import Array
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
 from identification.model.step import advance
-from identification.model.step_plan import plan_for
+from identification.model.step_plan import plan_for, spectral_radius
 from identification.model.term import AbstractTemperature, AbstractTerm, Expression
 from identification.speed_loop.controller import PID, AbstractController
 
@@ -257,17 +257,14 @@ def fastest_rate(
     input ``voltage`` of the first row is taken as the speed.  The parameters are physical,
     (n_parameter, n_draw).
     """
-    x, u, p = model.symbols()
-    jacobian = ca.Function("jacobian", [x, u, p], [ca.jacobian(model.rates(x, u, p), x)])
-    largest, size = 0.0, x.numel()
+    lanes = parameters.shape[1]
+    largest = 0.0
     for start, row in zip(starts, rows, strict=True):
         moving = start.copy()
         moving[1] = row[0, _REFERENCE]
-        for state in (start, moving):
-            inputs = np.repeat(row[0][:, None], parameters.shape[1], axis=1)
-            found = np.asarray(jacobian(state, inputs, parameters))
-            stack = found.reshape(size, parameters.shape[1], size).transpose(1, 0, 2)
-            stack = stack[np.isfinite(stack).all(axis=(1, 2))]
-            if stack.size:
-                largest = max(largest, float(np.abs(np.linalg.eigvals(stack)).max()))
+        inputs = np.tile(row[0], (2 * lanes, 1))
+        states = np.hstack([start, moving]).T
+        largest = max(
+            largest, spectral_radius(model, states, inputs, np.tile(parameters.T, (2, 1)))
+        )
     return largest
