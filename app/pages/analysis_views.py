@@ -156,7 +156,7 @@ def history_view(refits: Sequence[Refit], requested_at: Mapping[str, str]) -> di
     """
     from identification.fleet.drift import drifts
     from identification.fleet.explanation import explanations
-    from identification.fleet.history import history_figure
+    from identification.fleet.figure import history_figure
     from identification.fleet.refit import compared_with
     from identification.quantities import DECLARED_PARAMETERS
 

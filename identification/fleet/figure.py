@@ -1,4 +1,7 @@
-"""Fleet plot of one parameter: motors sorted by median, and their changes since the last refit."""
+"""Plots of one parameter: over the motors of a fleet, and over the fits of one motor.
+
+The motors are sorted by their medians, beside their changes since the last refit.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from identification.fleet.outliers import POSITIVE, Spread
 from identification.fleet.pooling import Quantiles
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
-from identification.reporting.svg import Frame, span, svg, text, tick_words
+from identification.reporting.svg import Frame, path, span, svg, text, tick_words
 from identification.result.numbers import (
     interval_text,
     number_text,
@@ -25,7 +28,8 @@ from identification.result.numbers import (
     unit_text,
 )
 
-__all__ = ["Mark", "fleet_figure", "framed", "marks_of"]
+__all__ = ["Mark", "fleet_figure", "history_figure", "marks_of"]
+
 
 _LEFT, _WIDTH, _TOP = 84.0, 802.0, 10.0
 _LEVELS, _CHANGES, _GAP = 190.0, 120.0, 26.0
@@ -133,7 +137,7 @@ def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: 
     frame = Frame(box, (0.0, 1.0), span(scaled(low), scaled(high)))
     words = _decade_words(*frame.y_range) if is_log else tick_words(*frame.y_range)
     label = f"{name} [{scaled_unit(unit, power)}]"
-    body = framed(frame, words, label)
+    body = _framed(frame, words, label)
     if spread.median is not None and (not is_log or spread.median > 0.0):
         at = float(frame.y(scaled(np.array([spread.median])))[0])
         body += f'<path class="zero" d="M{_LEFT:.1f} {at:.1f}H{_LEFT + _WIDTH:.1f}"/>'
@@ -168,7 +172,7 @@ def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: fl
     limits = span((middle - half) * factor, (middle + half) * factor, [0.0])
     frame = Frame((_LEFT, top, _WIDTH, _CHANGES), (0.0, 1.0), limits)
     shown = "%" if is_relative else scaled_unit(unit, unit_power(largest))
-    body = framed(frame, tick_words(*limits, 4), f"change [{shown}]")
+    body = _framed(frame, tick_words(*limits, 4), f"change [{shown}]")
     zero = float(frame.y(0.0))
     body += f'<path class="zero" d="M{_LEFT:.1f} {zero:.1f}H{_LEFT + _WIDTH:.1f}"/>'
     loud = [mark.is_significant for mark in marks]
@@ -176,7 +180,7 @@ def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: fl
     return body + _bars(across, low, frame.y(middle * factor), high, loud)
 
 
-def framed(
+def _framed(
     frame: Frame, words: Sequence[tuple[float, str]], label: str, below: str = "", at: float = 12
 ) -> str:
     """Frame with the grid, tick labels and label of its vertical axis, and what stands below it."""
@@ -253,3 +257,57 @@ def _hovers(marks: Sequence[Mark], across: Array, bottom: float, unit: str) -> s
             f'height="{bottom - _TOP:.1f}"><title>{escape(title)}</title></rect>'
         )
     return "".join(parts)
+
+
+_BOX = (92.0, 10.0, 358.0, 150.0)
+_MOST_LABELS = 4
+
+
+def history_figure(
+    name: str, refits: Sequence[Refit], changes: Sequence[dict[str, Drift]], times: Sequence[str]
+) -> str:
+    """SVG of medians with 90 % intervals over fits, oldest first; empty if none identifies it.
+
+    Significant changes against the fit before are highlighted.  The times of the fits are UTC, ISO
+    8601; the drawing shows their dates, and keeps the times for the script of a page.
+    """
+    unit = DECLARED_PARAMETERS[name].unit
+    shown = [
+        (index, estimate.q05, estimate.median, estimate.q95)
+        for index, refit in enumerate(refits)
+        if (estimate := refit.estimates.get(name)) is not None
+        and estimate.usable is not None
+        and estimate.q05 is not None
+        and estimate.median is not None
+        and estimate.q95 is not None
+    ]
+    if not shown:
+        return ""
+    places, low, middle, high = np.array(shown, dtype=np.float64).T
+    largest = float(np.abs([low, high]).max())
+    factor, unit = unit_prefix(unit, [largest])
+    power = unit_power(factor * largest)
+    scale = factor * 10.0**-power
+    frame = Frame(_BOX, (-0.5, len(refits) - 0.5), span(scale * low, scale * high, margin=0.12))
+    # A date at each fit, or at some of many.
+    below = "".join(
+        text(float(frame.x(k)), _BOX[1] + _BOX[3] + 14, times[k][:10], "tick mid", time=times[k])
+        for k in range(0, len(times), -(-len(times) // _MOST_LABELS))
+    )
+    words = tick_words(*frame.y_range, 4)
+    body = _framed(frame, words, f"{name} [{scaled_unit(unit, power)}]", below, at=15)
+    across = frame.x(places)
+    body += path(across, frame.y(scale * middle), "zero")
+    for at, x, bottom, centre, top in zip(
+        places, across, frame.y(scale * low), frame.y(scale * middle), frame.y(scale * high),
+        strict=True,
+    ):  # fmt: skip
+        drift = changes[int(at)].get(name)
+        kind = " loud" if drift is not None and drift.is_significant else ""
+        body += f'<path class="stem{kind}" d="M{x:.1f} {bottom:.1f}V{top:.1f}"/>'
+        body += f'<path class="dots few{kind}" d="M{x:.1f} {centre:.1f}h0"/>'
+    described = (
+        f"{len(shown)} fits, from {number_text(float(middle[0]))} to "
+        f"{number_text(float(middle[-1]))} {unit}, medians with 90 % intervals."
+    )
+    return svg(460, 190, f"{name} over the fits", described, body)

@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 
 from identification.fleet.drift import drifts
-from identification.fleet.history import history_figure
+from identification.fleet.figure import history_figure
 from identification.fleet.refit import Estimate, Refit, compared_with
 
 SD = 0.01
