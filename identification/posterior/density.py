@@ -31,8 +31,7 @@ from identification.fit.solve import Fit
 from identification.linear import root
 from identification.model.composite import MotorModel
 from identification.model.simulate import Simulator
-from identification.posterior.ridge import Ridge
-from identification.posterior.ridge_tracing import ridge_of
+from identification.posterior.ridge import Ridge, ridge_of
 
 __all__ = ["Posterior", "coarser"]
 

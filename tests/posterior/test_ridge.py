@@ -17,8 +17,7 @@ from identification.fit.normal_equations import normal_equations
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
-from identification.posterior.ridge import Ridge
-from identification.posterior.ridge_tracing import ridge_of
+from identification.posterior.ridge import Ridge, ridge_of
 from identification.posterior.sample import sample
 from identification.selection.candidates import scales_of
 from identification.selection.refit import refined, refitted_with
