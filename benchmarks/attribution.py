@@ -32,12 +32,12 @@ from bench.visibility import held_out_rise, size_for_rise
 from benchmarks.coverage import run_of
 from benchmarks.tables import tables
 from identification.effects.catalogue import CATALOGUE
-from identification.effort import EFFORTS
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.noise import effective_fraction, with_noise_model
 from identification.fit.solve import Fit
+from identification.options import EFFORTS
 from identification.posterior.density import Posterior
 from identification.selection.non_identifiable import with_linear_parts
 from identification.selection.search import search

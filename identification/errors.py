@@ -13,10 +13,9 @@ the value, what was expected and what to do next.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
-
-from identification.examples import Example, as_json
 
 __all__ = [
     "AbsurdValue",
@@ -29,6 +28,7 @@ __all__ = [
     "DamagedFile",
     "DuplicateColumn",
     "EmptyFile",
+    "Example",
     "FileTooLarge",
     "HeaderTooLong",
     "IdentificationError",
@@ -55,7 +55,23 @@ __all__ = [
     "UnreadableFile",
     "UnsupportedContent",
     "WrongUnit",
+    "of_file",
 ]
+
+
+Example = Mapping[str, object]
+"""Mapping of columns to channels: ``{"speed_rad_s": {"column": "n", "unit": "rpm"}}``."""
+
+
+def of_file(file: str, example: Example) -> Example:
+    """The mapping restricted to one file, as a fault in its cells may not be one of other files."""
+    return {"files": {file: example}}
+
+
+def _as_json(examples: Sequence[Example]) -> str:
+    """Text of alternative mappings as JSON."""
+    shown = (json.dumps(example, ensure_ascii=False) for example in examples)
+    return f"a mapping such as {' or '.join(shown)}"
 
 
 class IdentificationError(Exception):
@@ -97,7 +113,7 @@ class InputError(IdentificationError):
 
     def __str__(self) -> str:
         """Location and message on one line: ``run3.csv, row 412, column current_A: ...``."""
-        return self.described(as_json)
+        return self.described(_as_json)
 
     def described(self, remedies: Callable[[Sequence[Example]], str]) -> str:
         """Text on one line, in which `remedies` words the examples for the user's interface."""

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from identification.checks.campaign import Admission, admitted, check_values, suspects
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
-from identification.effort import EFFORTS
 from identification.errors import ComputationError, InputError, OptionError
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
@@ -36,7 +35,7 @@ from identification.fit.voltage import with_smooth_voltage
 from identification.identified import Identified
 from identification.ingest.given import RunLike, runs_of
 from identification.ingest.run import Run
-from identification.options import FitOptions
+from identification.options import EFFORTS, FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
 from identification.posterior.draws import final_draws, nominal_draws

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from bench import make_campaign
-from identification.effort import EFFORTS
 from identification.errors import OptionError
-from identification.options import FitOptions
+from identification.options import EFFORTS, FitOptions
 from identification.work import Budget, charge, charge_once, metered, operations, was_interrupted
 
 PROGRAM = """

@@ -12,9 +12,8 @@ from app.fits.request import FitRequest
 from app.fits.service import StoredFit
 from app.tables import FitRow
 from app.texts import Documented, Moment, Received, with_example
-from identification.effort import EffortName
 from identification.label import LONGEST_LABEL
-from identification.options import FitOptions
+from identification.options import EffortName, FitOptions
 
 __all__ = [
     "Finite",

@@ -6,8 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from identification.errors import DuplicateColumn, MissingColumn, RunFileError, UnknownUnit
-from identification.examples import Example
+from identification.errors import DuplicateColumn, Example, MissingColumn, RunFileError, UnknownUnit
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import OPTIONAL_CHANNELS
 from identification.ingest.names import (

@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.errors import AmbiguousAngle
-from identification.examples import of_file
+from identification.errors import AmbiguousAngle, of_file
 from identification.ingest.channels import Channel
 from identification.ingest.run import RunWarning, SourceLocator
 from identification.ingest.timing import find_gaps

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.arrays import Array
-from identification.errors import AbsurdValue, RunFileError
-from identification.examples import Example, of_file
+from identification.errors import AbsurdValue, Example, RunFileError, of_file
 from identification.ingest.faults import collected, refuse_all
 from identification.ingest.run import RunWarning, SourceLocator
 from identification.ingest.units import canonical_unit

@@ -17,8 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.errors import RunFileError
-from identification.examples import Example
+from identification.errors import Example, RunFileError
 
 __all__ = ["Run", "RunWarning", "Source", "SourceLocator", "write_run"]
 

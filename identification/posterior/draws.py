@@ -9,12 +9,11 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.effort import EFFORTS
 from identification.errors import ComputationError
 from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_scale_drawn
-from identification.options import FitOptions
+from identification.options import EFFORTS, FitOptions
 from identification.posterior.checkpoint import Checkpoint
 from identification.posterior.density import Posterior
 from identification.posterior.sample import Sample, sample

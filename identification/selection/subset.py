@@ -23,7 +23,6 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.effort import PART_ROWS
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.initial import fitted_initial_states
@@ -32,6 +31,7 @@ from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.weighting import Weighting
+from identification.options import PART_ROWS
 from identification.selection.policy import DEFAULT
 
 __all__ = ["fitted_to", "informative_segments", "representative_subset", "subset_of_fit"]
