@@ -20,13 +20,7 @@ from identification.model.composite import MotorModel
 from identification.nameplate import Nameplate
 from identification.surrogates.entry import term_of
 
-__all__ = [
-    "TYPICAL_ELECTRICAL_S",
-    "DesignModel",
-    "models_of",
-    "nameplate_models",
-    "time_constants",
-]
+__all__ = ["TYPICAL_ELECTRICAL_S", "DesignModel", "models_of", "nameplate_models", "time_constants"]
 
 _FARTHEST: Final = 3.0
 """Largest deviation of a draw along each principal axis, in standard deviations."""

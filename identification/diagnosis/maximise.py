@@ -45,10 +45,7 @@ _FAR: Final = 50.0
 
 
 def maximise(
-    valued: Valued,
-    start: Array,
-    bounds: tuple[Array, Array],
-    rival: float | None = None,
+    valued: Valued, start: Array, bounds: tuple[Array, Array], rival: float | None = None
 ) -> tuple[Array, float]:
     """Point (n,) and value of the maximum of a function within bounds, from a start (n,).
 

@@ -12,14 +12,7 @@ from identification.effects.effect import AbstractEffect, CampaignScales, Candid
 from identification.effects.orders import HIGHEST_ORDER
 from identification.effects.parameters import amplitude, columns, shape
 from identification.model.parameter import Parameter
-from identification.model.term import (
-    AbstractTorque,
-    Expression,
-    Signals,
-    State,
-    Tracked,
-    Values,
-)
+from identification.model.term import AbstractTorque, Expression, Signals, State, Tracked, Values
 
 __all__ = ["CoggingTorque"]
 

@@ -105,12 +105,7 @@ def campaign_of(training: Sequence[Run], validation: Sequence[Run]) -> Campaign:
         )
         warnings.append(ResultWarning("unknown_temperature", "warning", message))
     return Campaign(
-        tuple(training),
-        tuple(validation),
-        tuple(records),
-        tuple(held_out),
-        tuple(warnings),
-        alike,
+        tuple(training), tuple(validation), tuple(records), tuple(held_out), tuple(warnings), alike
     )
 
 

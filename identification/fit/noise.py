@@ -38,12 +38,7 @@ from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.linear import eigh, root, solution
 from identification.model.weighting import Weighting
 
-__all__ = [
-    "effective_fraction",
-    "noise_deviation",
-    "student_weights",
-    "with_noise_model",
-]
+__all__ = ["effective_fraction", "noise_deviation", "student_weights", "with_noise_model"]
 
 _LARGEST_RISE: Final = 0.1
 _LEG: Final = 4

@@ -123,11 +123,7 @@ class NormalEquations:
         return rights, finite
 
     def bends(
-        self,
-        dampings: Array,
-        position: Array,
-        coordinates: Coordinates,
-        curved: Sequence[Array],
+        self, dampings: Array, position: Array, coordinates: Coordinates, curved: Sequence[Array]
     ) -> tuple[Array, list[Array]]:
         """Second-order corrections of `steps` along a curved valley (geodesic acceleration).
 

@@ -22,12 +22,7 @@ from identification.model.unlogged import RAMP, Unlogged
 from identification.model.weighting import Weighting
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = [
-    "estimated_temperatures",
-    "unlogged_of",
-    "with_own_temperatures",
-    "with_scale_drawn",
-]
+__all__ = ["estimated_temperatures", "unlogged_of", "with_own_temperatures", "with_scale_drawn"]
 
 _LEAST_SPAN: Final = 1.0
 """Range of logged temperatures below which they do not determine temperature coefficients [K]."""

@@ -134,11 +134,7 @@ def _explained(
 ) -> list[dict[str, Any]]:
     """Motors with a significant change and its probable causes, the surest first."""
     rows = [
-        {
-            "refit": refit,
-            **explained_view(one),
-            "probability": max(one.causes.values()),
-        }
+        {"refit": refit, **explained_view(one), "probability": max(one.causes.values())}
         for refit, one in zip(refits, found, strict=True)
         if one is not None and one.is_significant
     ]

@@ -20,16 +20,7 @@ import casadi as ca
 from identification.errors import ComputationError
 from identification.model.vectors import vector_functions, vector_width
 
-__all__ = [
-    "BINARY",
-    "LANES",
-    "UNARY",
-    "VECTOR",
-    "Operations",
-    "Translation",
-    "Value",
-    "translated",
-]
+__all__ = ["BINARY", "LANES", "UNARY", "VECTOR", "Operations", "Translation", "Value", "translated"]
 
 LANES: Final = 8
 """Lanes of one block: two AVX2 registers, so that two independent chains hide the latency."""

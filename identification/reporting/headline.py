@@ -27,19 +27,9 @@ from identification.result.numbers import (
     unit_prefix,
     unit_text,
 )
-from identification.result.report_data import (
-    CandidateRow,
-    ReportData,
-)
+from identification.result.report_data import CandidateRow, ReportData
 
-__all__ = [
-    "KeyFigure",
-    "effect_tiles",
-    "error_bars",
-    "facts",
-    "headline_sentences",
-    "key_figures",
-]
+__all__ = ["KeyFigure", "effect_tiles", "error_bars", "facts", "headline_sentences", "key_figures"]
 
 Entry = Mapping[str, Any]
 

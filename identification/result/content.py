@@ -16,11 +16,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.finding import Finding
-from identification.checks.plausible import (
-    is_refuted,
-    resistance_findings,
-    time_constant_findings,
-)
+from identification.checks.plausible import is_refuted, resistance_findings, time_constant_findings
 from identification.diagnosis.outliers import outlier_warnings
 from identification.effects.effect import effects_of
 from identification.fit.campaign import Campaign

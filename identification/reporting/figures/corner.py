@@ -42,12 +42,7 @@ def corner_figure(posterior: PosteriorChain) -> str:
     body = []
     for row in range(len(names)):
         for column in range(row + 1):
-            box = (
-                _LEFT + column * (size + _GAP),
-                _TOP + row * (size + _GAP),
-                size,
-                size,
-            )
+            box = (_LEFT + column * (size + _GAP), _TOP + row * (size + _GAP), size, size)
             body.append(_panel(box, draws, limits, row, column))
     side = len(names) * (size + _GAP)
     room = 0.0
