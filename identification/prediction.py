@@ -9,7 +9,6 @@ thermometer in coarse steps, it is fitted to the run.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,6 +28,7 @@ from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
 from identification.model.simulate import Simulator
+from identification.result.numbers import finite
 from identification.surrogates.entry import term_of
 
 __all__ = ["model_of", "predict", "simulation_of"]
@@ -130,11 +130,11 @@ def _value(parameter: Parameter, entry: object) -> float:
     for key in ("estimate", "median", "mean"):
         value = found.get(key)
         if isinstance(value, int | float):
-            number = _number(value)
+            number = finite(value)
             is_positive = parameter.search == "log" or name == "L"
-            if not math.isfinite(number) or (is_positive and number <= 0):
+            if number is None or (is_positive and number <= 0):
                 raise InputError(
-                    f"{name} of the result is {number:.6g}; expected a finite value"
+                    f"{name} of the result is {str(value)[:40]}; expected a finite value"
                     f"{' above zero' if is_positive else ''}",
                     column=name,
                 )
@@ -153,8 +153,8 @@ def _known(content: Mapping[str, Any], name: str, place: str) -> float | None:
     value = content.get(name)
     if value is None:
         return None
-    number = _number(value) if isinstance(value, int | float) else math.nan
-    if not math.isfinite(number):
+    number = finite(value)
+    if number is None:
         raise InputError(
             f"{place} has the {name} {str(value)[:40]!r}; expected a finite number or null; use "
             "the unchanged result.json of 'motorid fit'",
@@ -172,14 +172,6 @@ def _hold(fitted: Mapping[str, Any]) -> Hold:
         "result.json of 'motorid fit'",
         column="hold",
     )
-
-
-def _number(value: float) -> float:
-    """The value as a float; infinite for an integer beyond the range of floats."""
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
 
 
 def _object(content: Mapping[str, Any], name: str, place: str = "the result") -> Mapping[str, Any]:

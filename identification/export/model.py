@@ -35,6 +35,7 @@ from identification.model.term import (
 )
 from identification.prediction import model_of
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
+from identification.result.numbers import finite
 
 __all__ = ["EXTERNAL", "ExportModel", "Exported", "exported_model"]
 
@@ -170,10 +171,10 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
     new = ExportModel((*kept, _External()), model.hold, run=len(runs))
     named |= {f"{_External.name}.{name}": 0.0 for name in EXTERNAL}
     own = np.array([named[p.name] for p in new.parameters])
-    rates = [_number(run.get("sample_rate_hz")) for run in runs if run.get("role") == "training"]
+    rates = [finite(run.get("sample_rate_hz")) for run in runs if run.get("role") == "training"]
     rate = float(np.median([r for r in rates if r] or [1.0 / _USUAL_INTERVAL]))
     interval = next((t.interval for t in new.delays), float(f"{1.0 / rate:.9g}"))
-    peaks = [_number(run.get("hottest_degC")) for run in runs]
+    peaks = [finite(run.get("hottest_degC")) for run in runs]
     span = _span(result)
     stiffness = _stiffness(new, own, span) * interval
     if not stiffness > 0.0:
@@ -233,13 +234,6 @@ def _acts(term: AbstractTerm, run: int) -> bool:
     return not own or bool(ca.depends_on(seen, ca.vertcat(*own)))
 
 
-def _number(value: object) -> float | None:
-    """A finite number other than zero; None for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if value and np.isfinite(value) else None
-
-
 def _span(result: Mapping[str, Any]) -> Array:
     """Four standard deviations of current and speed in the training runs (2,) [A, rad/s].
 
@@ -252,6 +246,6 @@ def _span(result: Mapping[str, Any]) -> Array:
     for channel in ("current", "speed"):
         entry = errors.get(channel) if isinstance(errors, Mapping) else None
         entry = entry if isinstance(entry, Mapping) else {}
-        rmse, relative = _number(entry.get("rmse")), _number(entry.get("nrmse"))
+        rmse, relative = finite(entry.get("rmse")), finite(entry.get("nrmse"))
         found.append(4.0 * rmse / relative if rmse and relative else 1.0)
     return np.array(found)

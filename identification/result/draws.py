@@ -155,8 +155,7 @@ def _median_and_sd(result: Mapping[str, Any], name: str) -> list[float | None]:
     parameters = result.get("parameters")
     entry = parameters.get(name) if isinstance(parameters, Mapping) else None
     found = entry if isinstance(entry, Mapping) else {}
-    values = (found.get("median"), found.get("sd"))
-    return [finite(value) if isinstance(value, int | float) else None for value in values]
+    return [finite(found.get("median")), finite(found.get("sd"))]
 
 
 def _root(result: Mapping[str, Any], file: str | None) -> Array:

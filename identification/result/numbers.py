@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 __all__ = [
@@ -194,9 +195,12 @@ def scaled_unit(unit: str, power: int) -> str:
     return f"{_ten(power)} {unit_text(unit)}".strip() if power else unit_text(unit)
 
 
-def finite(value: float | None) -> float | None:
-    """The number as a float; None if missing, not finite or beyond the range of floats."""
-    if value is None:
+def finite(value: object) -> float | None:
+    """The number as a float; None if missing, not finite or beyond the range of floats.
+
+    A member of an edited result that is no number counts as missing.
+    """
+    if not isinstance(value, Real):
         return None
     try:
         number = float(value)
