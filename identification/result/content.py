@@ -61,7 +61,6 @@ __all__ = ["assemble"]
 _CORRELATION_DIGITS = 6
 _DOUBTFUL = {"resistance_coefficient": ("Ra25", "alpha_Ra", "L")}
 """Parameters that an implausible value makes doubtful, however well the runs determine it."""
-_RANGED = ("voltage_V", "current_A", "speed_rad_s", "temperature_degC")
 _MOST_NAMED = 12
 """Largest number of runs that a warning on temperatures names."""
 
@@ -228,12 +227,11 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
 
 
 def _ranges(run: Run) -> dict[str, list[float]]:
-    """Smallest and largest value of each logged channel, in SI units."""
-    columns = (run.voltage, run.current, run.speed, run.temperature)
+    """Smallest and largest value of each logged channel but the angle, in SI units."""
     return {
         name: [float(values.min()), float(values.max())]
-        for name, values in zip(_RANGED, columns, strict=True)
-        if values is not None
+        for name, values in run.channels.items()
+        if name != "position_rad"
     }
 
 

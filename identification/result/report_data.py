@@ -32,29 +32,25 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class RunTraces:
-    """Measured and simulated signals of one run."""
+    """Signals of one run, (n_sample,) each: time [s], V, degC, A and rad/s.
+
+    Measured signals are NaN where the sample was not used.  Those simulated by the final model are
+    `after`, those by the nominal model `before`, None if that is the final model.
+    """
 
     name: str
     """File name as the user gave it."""
     role: Literal["training", "validation"]
     time: Array
-    """(n_sample,) increasing [s]."""
     voltage: Array
-    """(n_sample,) [V]."""
     temperature: Array | None
-    """(n_sample,) [degC], or None if not logged."""
+    """None if not logged."""
     measured_current: Array
-    """(n_sample,) [A]; NaN where the sample was not used."""
     measured_speed: Array
-    """(n_sample,) [rad/s]; NaN where the sample was not used."""
     after_current: Array
-    """(n_sample,) simulated by the final model [A]."""
     after_speed: Array
-    """(n_sample,) simulated by the final model [rad/s]."""
     before_current: Array | None = None
-    """(n_sample,) simulated by the nominal model [A]; None if that is the final model."""
     before_speed: Array | None = None
-    """(n_sample,) simulated by the nominal model [rad/s]; None if that is the final model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +71,18 @@ class PosteriorChain:
 
 @dataclass(frozen=True, eq=False)
 class CoefficientCurve:
-    """Coefficient of the motor over temperature, with its 90 % band."""
+    """Coefficient of the motor over temperature, with its 90 % band; arrays are (n_point,)."""
 
     name: str
     """``Ra`` or ``Kt``."""
     unit: str
     temperature: Array
-    """(n_point,) increasing [degC]."""
+    """Increasing [degC]."""
     median: Array
-    """(n_point,) median."""
     q05: Array
-    """(n_point,) lower end of the band."""
     q95: Array
-    """(n_point,) upper end of the band."""
     before: Array | None = None
-    """(n_point,) median of the nominal model; None if that is the final model."""
+    """Median of the nominal model; None if that is the final model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,33 +104,29 @@ class MissingTerm:
     grid: Array = field(default_factory=lambda: np.zeros(0))
     """(n_point,) increasing driver values of the curve; empty if no effect was fitted."""
     median: Array = field(default_factory=lambda: np.zeros(0))
-    """(n_point,) the fitted effect."""
+    """(n_point,) the fitted effect; `q05` and `q95` are the ends of its 90 % band."""
     q05: Array = field(default_factory=lambda: np.zeros(0))
-    """(n_point,) lower end of its 90 % band."""
     q95: Array = field(default_factory=lambda: np.zeros(0))
-    """(n_point,) upper end of its 90 % band."""
     effect: str = ""
     """Name of the fitted effect; empty if none was fitted."""
 
 
 @dataclass(frozen=True, eq=False)
 class MissingTrace:
-    """Missing voltage or torque over the time of one run, with its 90 % band."""
+    """Missing voltage or torque over the time of one run, with its 90 % band, (n_sample,) each."""
 
     run: str
     quantity: str
     """Label, such as ``missing torque``."""
     unit: str
     time: Array
-    """(n_sample,) increasing [s]."""
+    """Increasing [s]."""
     median: Array
-    """(n_sample,) smoothed missing term."""
+    """Smoothed missing term."""
     q05: Array
-    """(n_sample,) lower end of the band."""
     q95: Array
-    """(n_sample,) upper end of the band."""
     fitted: Array = field(default_factory=lambda: np.zeros(0))
-    """(n_sample,) the fitted effects over the same time; empty if none was fitted."""
+    """The fitted effects; empty if none was fitted."""
     effect: str = ""
     """Names of the fitted effects; empty if none was fitted."""
 

@@ -29,22 +29,22 @@ _LARGEST_DRAWN: Final = 1e9
 
 @dataclass(frozen=True)
 class StepCurve:
-    """Speed after a reference step of 1 rad/s: pointwise median and 90 % band over the draws."""
+    """Speed after a reference step of 1 rad/s: pointwise median and 90 % band over the draws.
+
+    Arrays are (n_time,), speeds in rad/s.
+    """
 
     temperature_degC: float  # noqa: N815
     """Temperature of winding and magnet [degC]."""
     controller: str
     """Controller as the user gave it, such as ``PI:2,10``."""
     time: Array
-    """(n_time,) increasing from zero [s]."""
+    """Increasing from zero [s]."""
     median: Array
-    """(n_time,) [rad/s]."""
     q05: Array
-    """(n_time,) [rad/s]."""
     q95: Array
-    """(n_time,) [rad/s]."""
     simulated: Array | None = None
-    """(n_time,) median with the effects in the loop [rad/s]; None if not simulated."""
+    """Median with the effects in the loop; None if not simulated."""
 
 
 @np.errstate(all="ignore")
