@@ -72,11 +72,22 @@ def _without_command(
 @app.command(cls=SeveralWords)
 def fit(
     ctx: typer.Context,
-    runs: options.Runs,
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Files of the training runs.")
+    ],
     out: options.OutDir,
-    validation: options.Validation = None,
-    motor_name: options.MotorName = "",
-    bench: options.BenchName = "",
+    validation: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="RUN...", help="Files of the validation runs, which are not fitted."),
+    ] = None,
+    motor_name: Annotated[
+        str,
+        typer.Option("--motor", metavar="NAME", help="Name of the motor, for report and result."),
+    ] = "",
+    bench: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="Name of the test bench, for report and result."),
+    ] = "",
     seed: options.Seed = 0,
     no_posterior: options.NoPosterior = False,
     no_effects: options.NoEffects = False,
@@ -84,7 +95,10 @@ def fit(
     force: options.Force = False,
     known: options.Known = None,
     nameplate: options.Plate = None,
-    hold: options.Hold = "auto",
+    hold: Annotated[
+        str,
+        typer.Option(help="Inter-sample behaviour of the voltage: auto (estimated), zoh or foh."),
+    ] = "auto",
     effort: options.Effort = "normal",
     time_limit: options.TimeLimit = None,
     temperature: options.Temperatures = None,
@@ -170,7 +184,13 @@ def predict(
 @app.command(cls=SeveralWords)
 def feedback(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")] = None,
-    result: options.Result = None,
+    result: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RESULT",
+            help="result.json of a fit; posterior.nc in the same directory is used if present.",
+        ),
+    ] = None,
     set: options.Parameters = None,  # noqa: A002  the option's name
     temperature: options.Temperatures = None,
     controller: options.Controllers = None,
@@ -211,7 +231,15 @@ def batch(
     server: Annotated[
         str | None, typer.Option(metavar="URL", help="URL of a service that computes the fits.")
     ] = None,
-    key: options.ApiKey = None,
+    key: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KEY",
+            envvar="MOTORID_KEY",
+            show_envvar=False,
+            help="API key of the service.  The variable MOTORID_KEY keeps it out of process lists.",
+        ),
+    ] = None,
     seed: options.Seed = 0,
     no_posterior: options.NoPosterior = False,
     no_effects: options.NoEffects = False,

@@ -3,21 +3,74 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from app.commands import options
+from app.commands.arguments import decimal
 
 __all__ = ["design"]
 
+_Out = Annotated[
+    Path, typer.Option(metavar="FILE", help="CSV file to write; FILE.json describes it.")
+]
+_Result = Annotated[Path | None, typer.Argument(metavar="RESULT", help="result.json of a fit.")]
+_Plate = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="KEY=VALUE...",
+        help="Nameplate of a motor without runs, in place of RESULT: voltage, no_load_speed, "
+        "no_load_current, stall_current, rated_speed, rated_current; SI units, or append rpm, mA.",
+    ),
+]
+_Narrow = Annotated[
+    str | None,
+    typer.Option(
+        metavar="QUANTITY",
+        help="Quantity to narrow: a parameter such as Ra25, or a metric of the speed loop such as "
+        "rise_time_s@125.  [default: all parameters]",
+    ),
+]
+_Limits = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE...",
+        help="Largest voltage [V], current [A], speed [rad/s], slew [V/s], position [rad], "
+        "and load torque [N m] of the bench.  "
+        "[default: largest voltage, current and speed of the earlier runs, no load]",
+    ),
+]
+_Duration = Annotated[
+    float | None,
+    typer.Option(
+        parser=decimal, metavar="SECONDS", help="Duration.  [default: as the earlier runs]"
+    ),
+]
+_Rate = Annotated[
+    float | None,
+    typer.Option(parser=decimal, metavar="HZ", help="Sample rate.  [default: as the earlier runs]"),
+]
+_Temperatures = Annotated[
+    list[float] | None,
+    typer.Option(
+        parser=decimal,
+        metavar="DEGC...",
+        help="Temperatures that the bench can hold; the best one is proposed.  [default: the "
+        "lowest and the highest of the earlier runs]",
+    ),
+]
+
 
 def design(
-    out: options.ProfileOut,
-    result: options.OptionalResult = None,
-    nameplate: options.DesignPlate = None,
-    narrow: options.Narrow = None,
-    limit: options.DesignLimits = None,
-    duration: options.Duration = None,
-    rate: options.Rate = None,
-    temperature: options.DesignTemperatures = None,
+    out: _Out,
+    result: _Result = None,
+    nameplate: _Plate = None,
+    narrow: _Narrow = None,
+    limit: _Limits = None,
+    duration: _Duration = None,
+    rate: _Rate = None,
+    temperature: _Temperatures = None,
     seed: options.Seed = 0,
     json: options.AsJson = False,
     quiet: options.Quiet = False,

@@ -35,7 +35,6 @@ _Out = Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to wr
 _Temperatures = Annotated[
     list[str] | None,
     typer.Option(
-        "--temperature",
         metavar="LOW:HIGH|DEGC...",
         help="Range of temperatures, or single ones.  [default: 25:125]",
     ),
@@ -49,7 +48,6 @@ _Kinds = Annotated[
 _Controllers = Annotated[
     list[str] | None,
     typer.Option(
-        "--controller",
         metavar="C...",
         help="Judge these controllers instead: P:kp, PI:kp,ki, PI+FF:kp,ki,kff, PID:kp,ki,kd.",
     ),
