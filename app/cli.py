@@ -113,7 +113,7 @@ def fit(
     List the runs in recording order.  All words after --validation up to the next option are
     validation runs, so put the training runs before it or after another option.
     """
-    from app.commands import motor
+    from app.commands import console, motor
 
     motor.fit(
         runs,
@@ -122,7 +122,7 @@ def fit(
         motor.fit_options(ctx.params),
         mapping=mapping_of(mapping, map or []),
         label=motor.Label(motor_name, bench),
-        show=motor.Show(as_json=json, quiet=quiet),
+        output=console.Output(json, quiet),
     )
 
 
@@ -145,11 +145,12 @@ def check(
     Nothing is stored.  The exit status is 2 if `motorid fit` would refuse the runs.
     """
     from app.commands.check import check
+    from app.commands.console import Output
 
     given = [] if mapping is None else ["--mapping", str(mapping)]
     given += [word for text in map or [] for word in ("--map", text)]
     understood = mapping_of(mapping, map or [])
-    check(runs, understood, save_mapping, given=given, as_json=json, quiet=quiet)
+    check(runs, understood, save_mapping, given=given, output=Output(json, quiet))
 
 
 @app.command(cls=SeveralWords)
@@ -198,16 +199,14 @@ def feedback(
     quiet: options.Quiet = False,
 ) -> None:
     """Compute step response metrics and stability margins of the speed loop at each temperature."""
-    from app.commands import motor
+    from app.commands import console, motor
+    from app.commands.files import write_json
+    from identification.speed_loop import feedback_metrics
 
-    motor.feedback(
-        motor.motor_of(result, set or []),
-        temperature or [25.0, 125.0],
-        controller or ["P:1"],
-        out,
-        result=result,
-        show=motor.Show(as_json=json, quiet=quiet),
-    )
+    draws, _ = motor.motor_of(result, set or [])
+    entries = feedback_metrics(draws, temperature or [25.0, 125.0], controller or ["P:1"])
+    write_json(out, entries, result)
+    console.Output(json, quiet).show(entries, lambda: console.print_feedback(entries))
 
 
 app.command(cls=SeveralWords)(tune)
@@ -258,7 +257,7 @@ def batch(
     given here are defaults that the manifest overrides.  A motor whose result is up to date is not
     fitted again, and a motor that fails does not stop the others.
     """
-    from app.commands import motor
+    from app.commands import console, motor
     from app.commands.batch.command import run_batch
     from identification.threads import cores
 
@@ -269,7 +268,7 @@ def batch(
         at_once=jobs or cores(),
         server=server,
         key=key,
-        show=motor.Show(as_json=json, quiet=quiet),
+        output=console.Output(json, quiet),
     )
 
 
@@ -292,7 +291,7 @@ def demo(
     quiet: options.Quiet = False,
 ) -> None:
     """Identify a motor from the runs of a campaign in data/."""
-    from app.commands import motor
+    from app.commands import console, motor
 
     training, validation = motor.campaign_runs(campaign, data)
     motor.fit(
@@ -300,7 +299,7 @@ def demo(
         validation,
         out or Path("out") / campaign,
         motor.fit_options(ctx.params),
-        show=motor.Show(as_json=json, quiet=quiet),
+        output=console.Output(json, quiet),
     )
 
 

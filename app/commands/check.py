@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.commands.arguments import check_mapped_files, map_arguments, run_names
-from app.commands.console import print_help, print_json, remark, results_console, table_with
+from app.commands.console import Output, print_help, remark, results_console, table_with
 from app.commands.files import writable_file
 from app.commands.loading import loading
 from identification.errors import InputError, OptionError, RunFileError
@@ -29,8 +29,7 @@ def check(
     save_mapping: Path | None,
     *,
     given: Sequence[str] = (),
-    as_json: bool,
-    quiet: bool = False,
+    output: Output,
 ) -> None:
     """Show columns, excitation, contradictions and expected precision of runs of one motor.
 
@@ -55,18 +54,17 @@ def check(
     if save_mapping is not None:
         with writable_file(save_mapping, "--save-mapping"):
             write_text(save_mapping, json.dumps(found.mapping(), indent=1) + "\n")
-    if as_json:
-        print_json(content)
-    elif not quiet:
-        words = ["--mapping", str(save_mapping)] if save_mapping else given
-        _print(content, files, save_mapping, words)
+    words = ["--mapping", str(save_mapping)] if save_mapping else given
+    output.show(content, lambda: _print(content, files, save_mapping, words))
     refused = [finding for finding in found.findings if finding.severity == "refuse"]
     count = sum(1 + len(error.further) for error in found.errors) + len(refused)
     if count:
         first = str(refused[0]) if refused else ""
         for error in content["errors"][:1]:
             first = _described(error)
-        unseen = "run without -q to see them" if quiet and not as_json else "see above"
+        unseen = (
+            "run without -q to see them" if output.quiet and not output.as_json else "see above"
+        )
         raise InputError(first + (f" (and {count - 1} more, {unseen})" if count > 1 else ""))
 
 

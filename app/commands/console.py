@@ -10,6 +10,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,12 @@ from identification.result.numbers import (
 )
 
 __all__ = [
+    "Output",
     "Progress",
     "fit_summary",
     "print_feedback",
     "print_fit",
     "print_help",
-    "print_json",
     "print_rows",
     "progress_bar",
     "remark",
@@ -78,14 +79,24 @@ def progress_bar(quiet: bool) -> Iterator[Progress]:
         )
 
 
+@dataclass(frozen=True)
+class Output:
+    """Content of standard output: text for people, one JSON document for scripts, or nothing."""
+
+    as_json: bool
+    quiet: bool
+
+    def show(self, content: object, print_text: Callable[[], None]) -> None:
+        """Print a JSON document if one is requested, else the text unless quiet."""
+        if self.as_json:
+            print(json.dumps(content, indent=2, allow_nan=False))  # noqa: T201
+        elif not self.quiet:
+            print_text()
+
+
 def remark(text: str) -> None:
     """Print a remark, which is not an error, on standard error."""
     print(f"motorid: {text}", file=sys.stderr)  # noqa: T201
-
-
-def print_json(content: object) -> None:
-    """Print a JSON document."""
-    print(json.dumps(content, indent=2, allow_nan=False))  # noqa: T201
 
 
 def fit_summary(result: Mapping[str, Any], out: Path) -> dict[str, Any]:

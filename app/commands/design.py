@@ -114,8 +114,7 @@ def design(
         entry = proposal_entry(proposal)
         write_text(out, profile_csv(proposal))
         write_text(about, result_text(entry))
-    if json:
-        console.print_json(entry)
-    elif not quiet:
-        for line in (*entry["summary"], out, about):
-            console.results_console().print(str(line), soft_wrap=True)
+    lines = "\n".join(map(str, (*entry["summary"], out, about)))
+    console.Output(json, quiet).show(
+        entry, lambda: console.results_console().print(lines, soft_wrap=True)
+    )

@@ -13,7 +13,7 @@ from typing import Any
 from identification.arrays import Array
 from identification.errors import OptionError
 
-__all__ = ["draws_of", "read_result", "writable_directory", "writable_file"]
+__all__ = ["draws_of", "read_result", "writable_directory", "writable_file", "write_json"]
 
 _RESULT_FILES = ("result.json", "posterior.nc", "report.html")
 

@@ -7,7 +7,6 @@ output directory.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,40 +14,23 @@ import numpy as np
 
 from app.commands import console
 from app.commands.arguments import check_mapped_files, run_names, values_by_name
-from app.commands.files import (
-    draws_of,
-    read_result,
-    writable_directory,
-    write_json,
-)
+from app.commands.files import draws_of, read_result, writable_directory
 from app.commands.loading import loading
 from identification.arrays import Array
 from identification.errors import InputError, OptionError
 from identification.label import Label
 from identification.options import FitOptions
-from identification.speed_loop import feedback_metrics, parse_controllers
+from identification.speed_loop import parse_controllers
 
 __all__ = [
     "Label",
-    "Show",
     "campaign_runs",
-    "feedback",
     "fit",
     "fit_options",
     "motor_of",
 ]
 
 _MOST_DRAWS = 2000
-
-
-@dataclass(frozen=True)
-class Show:
-    """Content of standard output."""
-
-    as_json: bool = False
-    """Print only a JSON document for scripts."""
-    quiet: bool = False
-    """Print nothing, except a requested JSON document."""
 
 
 def fit_options(given: Mapping[str, Any]) -> FitOptions:
@@ -78,7 +60,7 @@ def fit(
     *,
     mapping: Mapping[str, object] | None = None,
     label: Label = Label(),  # noqa: B008  frozen
-    show: Show,
+    output: console.Output,
 ) -> None:
     """Fit a motor, write its results and show them."""
     # Local imports, here and below: reading, fitting and plotting modules take a second to load.
@@ -87,7 +69,7 @@ def fit(
 
     files = [*training, *validation]
     check_mapped_files(mapping, files)
-    with console.progress_bar(show.quiet) as progress:
+    with console.progress_bar(output.quiet) as progress:
         runs = []
         for number, (file, name) in enumerate(zip(files, run_names(files), strict=True)):
             progress("read", 0.05 * number / len(files))
@@ -108,10 +90,7 @@ def fit(
             result.update(label.member())
             identification.write(out)
         progress("done", 1.0)
-    if show.as_json:
-        console.print_json(console.fit_summary(result, out))
-    elif not show.quiet:
-        console.print_fit(result, out)
+    output.show(console.fit_summary(result, out), lambda: console.print_fit(result, out))
 
 
 def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], training: int) -> None:
@@ -126,41 +105,28 @@ def _refuse_checks_on_fitted(files: Sequence[Path], hashes: Sequence[str], train
             )
 
 
-def feedback(
-    draws: Mapping[str, Array],
-    temperatures: Sequence[float],
-    controllers: Sequence[str],
-    out: Path | None,
-    *,
-    result: Path | None,
-    show: Show,
-) -> None:
-    """Compute the feedback metrics, write them and show them; `result` is not overwritten."""
-    entries = feedback_metrics(draws, temperatures, controllers)
-    write_json(out, entries, result)
-    if show.as_json:
-        console.print_json(entries)
-    elif not show.quiet:
-        console.print_feedback(entries)
+def motor_of(
+    path: Path | None, settings: Sequence[str], most: int = _MOST_DRAWS
+) -> tuple[Mapping[str, Array], dict[str, Any] | None]:
+    """Draws of the nominal model's parameters, and the result that they come from.
 
-
-def motor_of(result: Path | None, settings: Sequence[str]) -> Mapping[str, Array]:
-    """Draws of the nominal model's parameters, from a result or from ``--set`` values.
+    With ``--set`` values there is one draw and no result.
 
     Raises:
         OptionError: Both or neither were given, or a ``--set`` value is not accepted.
         InputError: The result is not accepted.
     """
-    if (result is None) == (not settings):
+    if (path is None) == (not settings):
         raise OptionError(
             "expected either --result DIR/result.json, or --set NAME=VALUE for each parameter"
         )
-    if result is None:
-        return {name: np.array([value]) for name, value in values_by_name(settings).items()}
-    draws, remark = draws_of(read_result(result), result, _MOST_DRAWS)
+    if path is None:
+        return {name: np.array([value]) for name, value in values_by_name(settings).items()}, None
+    result = read_result(path)
+    draws, remark = draws_of(result, path, most)
     if remark:
         console.remark(remark)
-    return draws
+    return draws, result
 
 
 def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]:

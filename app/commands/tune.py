@@ -83,21 +83,14 @@ def tune(
     Each loop is simulated with the effects found, voltage and current limits, anti-windup, sample
     time and delay.  If the specification cannot be met, the output says by how much.
     """
-    from app.commands import console
-    from app.commands.files import draws_of, read_result, write_json
+    from app.commands.console import Output
+    from app.commands.files import write_json
     from app.commands.motor import motor_of
     from identification import tuning
 
     required = tuning.parse_specification(spec)
     temperatures = _temperatures_of(temperature or ["25:125"])
-    if result is not None and not set:
-        content = read_result(result)
-        draws, remark = draws_of(content, result, _MOST_DRAWS)
-        if remark:
-            console.remark(remark)
-        motor = tuning.motor_of(draws, content)
-    else:
-        motor = tuning.motor_of(motor_of(result, set or []))
+    motor = tuning.motor_of(*motor_of(result, set or [], _MOST_DRAWS))
     found = tuning.tune(
         motor,
         required,
@@ -108,10 +101,7 @@ def tune(
         step=step,
     )
     write_json(out, found, result)
-    if json:
-        console.print_json(found)
-    elif not quiet:
-        _print(found)
+    Output(json, quiet).show(found, lambda: _print(found))
 
 
 def _temperatures_of(words: Sequence[str]) -> list[float]:

@@ -14,16 +14,16 @@ from __future__ import annotations
 
 import fcntl
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from app.commands import console
 from app.commands.batch.local import MotorJob, fit_all
 from app.commands.batch.manifest import Motor, read_manifest
 from app.commands.batch.record import kept_result, previous_refit, record_of
 from app.commands.files import writable_directory
-from app.commands.motor import Show
 from identification.errors import ComputationError, InputError, OptionError
 from identification.fleet.refit import Refit, compared_with, refit_of
 from identification.fleet.table import (
@@ -54,7 +54,7 @@ def run_batch(
     at_once: int,
     server: str | None = None,
     key: str | None = None,
-    show: Show,
+    output: console.Output,
 ) -> None:
     """Fit every motor of a manifest, whose options take precedence over the given ones.
 
@@ -63,7 +63,7 @@ def run_batch(
         ComputationError: At least one motor failed; the table gives the reasons.
     """
     motors = read_manifest(manifest, options)
-    with writable_directory(out), _alone_in(out), console.progress_bar(show.quiet) as progress:
+    with writable_directory(out), _alone_in(out), console.progress_bar(output.quiet) as progress:
         batch = _Batch(motors, out, progress)
         try:
             jobs = batch.begin()
@@ -77,17 +77,10 @@ def run_batch(
         finally:
             batch.write_table()
         remark = batch.write_all(manifest.stem)
-    if remark and not show.quiet:
+    if remark and not output.quiet:
         console.remark(remark)
     rows = rows_of(batch.refits)
-    if show.as_json:
-        console.print_json(rows)
-    elif not show.quiet:
-        console.print_rows(["motor", "status", *DECLARED_PARAMETERS, "warnings"], rows)
-        for refit in batch.refits:
-            if refit.error:
-                line = f"{refit.motor}: {refit.error}"
-                console.results_console().print(line, style="red", soft_wrap=True)
+    output.show(rows, lambda: _print(rows, batch.refits))
     failed = [refit.motor for refit in batch.refits if refit.status == "failed"]
     if failed:
         raise ComputationError(
@@ -95,6 +88,14 @@ def run_batch(
             f"{', ...' if len(failed) > 5 else ''}); the column `error` of {out / 'results.csv'} "
             "gives the reasons"
         )
+
+
+def _print(rows: Sequence[Mapping[str, Any]], refits: Sequence[Refit]) -> None:
+    console.print_rows(["motor", "status", *DECLARED_PARAMETERS, "warnings"], rows)
+    for refit in refits:
+        if refit.error:
+            line = f"{refit.motor}: {refit.error}"
+            console.results_console().print(line, style="red", soft_wrap=True)
 
 
 class _Batch:

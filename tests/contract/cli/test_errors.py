@@ -198,7 +198,7 @@ def test_failed_command_is_one_line_and_its_status(
 ) -> None:
     """Computation, memory, disk and internal errors are reported without a traceback."""
     monkeypatch.delenv("MOTORID_TRACEBACK", raising=False)
-    monkeypatch.setattr(motor, "feedback", failing_with(error))
+    monkeypatch.setattr(motor, "motor_of", failing_with(error))
 
     assert main(["feedback", *MOTOR]) == status
 
@@ -213,7 +213,7 @@ def test_traceback_is_shown_on_request(
 ) -> None:
     """MOTORID_TRACEBACK=1 enables tracebacks for developers."""
     monkeypatch.setenv("MOTORID_TRACEBACK", "1")
-    monkeypatch.setattr(motor, "feedback", failing_with(ZeroDivisionError()))
+    monkeypatch.setattr(motor, "motor_of", failing_with(ZeroDivisionError()))
 
     assert main(["feedback", *MOTOR]) == 1
     assert "Traceback (most recent call last)" in capsys.readouterr().err
