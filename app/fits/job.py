@@ -32,8 +32,8 @@ class RunFile:
     """Path of the file."""
     name: str
     """Name of the run in the result."""
-    mapping: dict[str, Any] | None
-    """Assignment of columns to channels, or None."""
+    mapping: dict[str, Any] | str | None
+    """Assignment of columns to channels, the path of its JSON file, or None."""
     sha256: str | None = None
     """SHA-256 of the uploaded bytes; None skips the comparison."""
 

@@ -18,7 +18,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from app.disk import is_full, open_regular, sha256_of
 from app.fits.job import LOG, FitJob, RunFile, options_of
@@ -32,7 +32,10 @@ from identification.posterior.checkpoint import Checkpoint
 from identification.result.atomic import sync
 from identification.threads import use_threads
 
-__all__ = ["checkpoint_of", "compute", "handle"]
+if TYPE_CHECKING:
+    from identification.pipeline import Identification
+
+__all__ = ["checkpoint_of", "handle", "identified"]
 
 _NICENESS = 5
 
@@ -44,7 +47,7 @@ def handle(task: dict[str, Any], answer: int) -> None:
     use_threads(job.threads)
     answers = Answers(answer)
     try:
-        compute(job, answers.progress)
+        _compute(job, answers.progress)
     except InputError as error:
         answers.send({"failed": _input_problem(error)})
     except ComputationError as error:
@@ -63,28 +66,35 @@ def handle(task: dict[str, Any], answer: int) -> None:
         answers.send({"done": True})
 
 
-def compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
-    """Compute a job and write its outputs to disk.
+def _compute(job: FitJob, progress: Callable[[str, float], None]) -> None:
+    progress("reading", 0.0)
+    directory = Path(job.directory)
+    identified(job, progress, checkpoint_of(job)).write(directory)
+    progress("writing", 1.0)
+    seal(directory)
+    sync(directory)
+
+
+def identified(
+    job: FitJob, progress: Callable[[str, float], None], checkpoint: Checkpoint | None = None
+) -> Identification:
+    """Identify the motor of a job, from its runs to a result with its label.
 
     Raises:
         InputError: The runs or the options are invalid.
         ComputationError: The computation failed on valid input.
     """
-    progress("reading", 0.0)
     identify = pipeline_of(job.pipeline)
     training = [_read(run) for run in job.training]
     validation = [_read(run) for run in job.validation]
-    options = options_of(job.options)
-    directory = Path(job.directory)
     more: dict[str, Any] = {}
-    if "checkpoint" in inspect.signature(identify).parameters:
-        more["checkpoint"] = checkpoint_of(job)
-    found = identify(training, validation, options, progress, **more)
+    if checkpoint is not None and "checkpoint" in inspect.signature(identify).parameters:
+        more["checkpoint"] = checkpoint
+    found: Identification = identify(
+        training, validation, options_of(job.options), progress, **more
+    )
     found.result.update(Label(job.motor, job.options.get("bench", "")).member())
-    found.write(directory)
-    progress("writing", 1.0)
-    seal(directory)
-    sync(directory)
+    return found
 
 
 def checkpoint_of(job: FitJob) -> Checkpoint:

@@ -6,11 +6,13 @@ import os
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from app.commands.arguments import run_names
 from app.commands.batch.manifest import Motor
+from app.fits.job import FitJob, RunFile
 from app.fork_server.client import ForkServer, Task
 from identification.threads import cores
 
@@ -94,14 +96,13 @@ def _reason(told: Mapping[str, Any]) -> str:
 
 def _task(job: MotorJob, pipeline: str, threads: int) -> dict[str, Any]:
     motor = job.motor
-    return {
-        "out": str(job.out.absolute()),
-        "training": [str(file.absolute()) for file in motor.training],
-        "validation": [str(file.absolute()) for file in motor.validation],
-        "mapping": None if motor.mapping is None else str(motor.mapping.absolute()),
-        "options": asdict(motor.options),
-        "label": asdict(motor.label),
-        "record": job.record,
-        "pipeline": pipeline,
-        "threads": threads,
-    }
+    mapping = None if motor.mapping is None else str(motor.mapping.absolute())
+    names = iter(run_names((*motor.training, *motor.validation)))
+    training, validation = (
+        tuple(RunFile(str(file.absolute()), next(names), mapping) for file in files)
+        for files in (motor.training, motor.validation)
+    )
+    out, options = str(job.out.absolute()), {**asdict(motor.options), "bench": motor.bench}
+    fit = FitJob(motor.name, 1, out, training, validation, options, pipeline)
+    fit = replace(fit, threads=threads, motor=motor.name)
+    return {"job": asdict(fit), "record": job.record}

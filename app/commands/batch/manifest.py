@@ -68,11 +68,6 @@ class Motor:
     type: str = ""
     """Type of the motor; empty if the manifest gives none."""
 
-    @property
-    def label(self) -> Label:
-        """Names for report and result."""
-        return Label(self.name, self.bench)
-
 
 def read_manifest(path: Path, defaults: FitOptions) -> list[Motor]:
     """Read the motors of a manifest.
@@ -204,12 +199,11 @@ def _motor(entry: Mapping[str, Any], place: Place, defaults: FitOptions) -> Moto
     mapped = _path(folder, str(mapping), place.at("mapping")) if mapping else None
     options = options_with(defaults, entry["options"], place)
     bench, type_ = str(entry.get("bench") or ""), _type(entry.get("type"), place)
-    motor = Motor(name, training, validation, options, mapped, bench, type_)
     try:
-        motor.label  # noqa: B018  raises for a name that is not accepted
+        Label(name, bench)
     except InputError as error:
         raise place.at("bench").wrong(error.message) from error
-    return motor
+    return Motor(name, training, validation, options, mapped, bench, type_)
 
 
 def _type(value: object, place: Place) -> str:

@@ -17,16 +17,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from app.commands.arguments import run_names
 from app.commands.batch.record import finish, make_way
 from app.commands.exits import TRACEBACK
-from app.fits.job import options_of
-from app.fork_server.child import Answers, pipeline_of
+from app.fits.job import FitJob
+from app.fits.worker import identified
+from app.fork_server.child import Answers
 from app.logging import warnings_logged
 from app.texts import moment
 from identification.errors import ComputationError, InputError
-from identification.ingest import read_run
-from identification.label import Label
 from identification.threads import use_threads
 
 __all__ = ["handle"]
@@ -36,14 +34,13 @@ def handle(task: dict[str, Any], answer: int) -> None:
     """Fit one motor and report its progress and outcome on the pipe.
 
     Args:
-        task: `out`, `training`, `validation`, `mapping`, `options`, `label`, `record`,
-            `pipeline` and `threads`.
+        task: `job`, whose `directory` is the output directory, and `record` to store with it.
         answer: Write end of the pipe to the command.
     """
     answers = Answers(answer)
     try:
         with warnings_logged():
-            _fit(task, answers.progress)
+            _fit(FitJob.of(task["job"]), task["record"], answers.progress)
     except (InputError, ComputationError) as error:
         answers.send({"failed": str(error)})
     except OSError as error:
@@ -58,24 +55,13 @@ def handle(task: dict[str, Any], answer: int) -> None:
         answers.send({"done": True})
 
 
-def _fit(task: dict[str, Any], progress: Callable[[str, float], None]) -> None:
-    out = Path(task["out"])
-    use_threads(task["threads"])
-    identify = pipeline_of(task["pipeline"])
-    mapping = task["mapping"]
-    files = [*task["training"], *task["validation"]]
+def _fit(job: FitJob, record: dict[str, Any], progress: Callable[[str, float], None]) -> None:
+    use_threads(job.threads)
     progress("read", 0.0)
-    names = run_names([Path(file) for file in files])
-    runs = [
-        read_run(Path(file), name=name, mapping=mapping)
-        for file, name in zip(files, names, strict=True)
-    ]
-    training = runs[: len(task["training"])]
-    options = options_of(task["options"])
-    identification = identify(training, runs[len(training) :], options, progress)
+    found = identified(job, progress)
+    out = Path(job.directory)
     out.mkdir(parents=True, exist_ok=True)
     # The previous result is kept until the new fit has succeeded.
     make_way(out)
-    identification.result.update(Label(**task["label"]).member())
-    identification.write(out)
-    finish(out, task["record"], moment(time.time()))
+    found.write(out)
+    finish(out, record, moment(time.time()))
