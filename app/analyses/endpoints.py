@@ -17,7 +17,7 @@ from app.analyses.schemas import (
     TuningOut,
 )
 from app.errors import FieldRefused
-from app.http.dependencies import CallerDep, JsonBody, ServicesDep
+from app.http.dependencies import JSON_CALL, CallerDep, ServicesDep
 from app.http.files import OpenFileResponse
 from app.http.problems import responses
 
@@ -31,12 +31,7 @@ _TUNING_DRAWS = 200
 Declared = Annotated[bool, Query(description="Use the nominal model instead of the final one.")]
 
 
-@router.post(
-    "/{fit_id}/feedback",
-    summary="Compute the speed loop",
-    dependencies=[JsonBody],
-    responses=responses(400, 403, 404, 413, 415, 422, 503),
-)
+@router.post("/{fit_id}/feedback", summary="Compute the speed loop", **JSON_CALL)
 def compute_feedback(
     fit_id: str, body: FeedbackIn, services: ServicesDep, caller: CallerDep
 ) -> FeedbackOut:
@@ -48,12 +43,7 @@ def compute_feedback(
     return FeedbackOut.of(loop)
 
 
-@router.post(
-    "/{fit_id}/tunings",
-    summary="Tune the speed loop",
-    dependencies=[JsonBody],
-    responses=responses(400, 403, 404, 413, 415, 422, 503),
-)
+@router.post("/{fit_id}/tunings", summary="Tune the speed loop", **JSON_CALL)
 def tune_loop(fit_id: str, body: TuningIn, services: ServicesDep, caller: CallerDep) -> TuningOut:
     """Find controllers that meet a specification over posterior draws and temperatures.
 
@@ -99,12 +89,7 @@ def predict_run(
     return PredictionOut.of(fit_id, run.id, declared, prediction)
 
 
-@designs.post(
-    "",
-    summary="Design a run",
-    dependencies=[JsonBody],
-    responses=responses(400, 403, 404, 413, 415, 422, 503),
-)
+@designs.post("", summary="Design a run", **JSON_CALL)
 def design_run(body: DesignIn, services: ServicesDep, caller: CallerDep) -> DesignOut:
     """Design the voltage of the next run of a motor, or of the first run of a nameplate.
 

@@ -11,7 +11,7 @@ from app.access.service import Caller
 from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults
 from app.composition import Services
 from app.errors import NotAcceptable
-from app.http.dependencies import After, CallerDep, JsonBody, Limit, RequestKey, ServicesDep
+from app.http.dependencies import JSON_CALL, After, CallerDep, Limit, RequestKey, ServicesDep
 from app.http.headers import FLEET_POLICY
 from app.http.problems import responses
 
@@ -39,13 +39,7 @@ _TABLE: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.post(
-    "",
-    status_code=202,
-    summary="Submit a batch",
-    dependencies=[JsonBody],
-    responses=responses(400, 403, 404, 413, 415, 422),
-)
+@router.post("", status_code=202, summary="Submit a batch", **JSON_CALL)
 def create_batch(
     body: BatchCreate,
     response: Response,

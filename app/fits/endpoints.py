@@ -14,9 +14,9 @@ from app.fits.events import EventStream, has_heard_the_end, last_version, stream
 from app.fits.exports import EXPORTS
 from app.fits.schemas import FitCreate, FitList, FitOut, Status
 from app.http.dependencies import (
+    JSON_CALL,
     After,
     CallerDep,
-    JsonBody,
     Limit,
     OnlyMotor,
     RequestKey,
@@ -46,13 +46,7 @@ _EVENTS: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.post(
-    "",
-    status_code=202,
-    summary="Submit a fit",
-    dependencies=[JsonBody],
-    responses=responses(400, 403, 404, 413, 415, 422),
-)
+@router.post("", status_code=202, summary="Submit a fit", **JSON_CALL)
 def create_fit(
     body: FitCreate,
     response: Response,

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends, Header, Query, Request
 
 from app.access.service import Caller
 from app.composition import Services
 from app.errors import BadKey, WrongMediaType
+from app.http.problems import responses
 
-__all__ = ["After", "CallerDep", "JsonBody", "Limit", "OnlyMotor", "RequestKey", "ServicesDep"]
+__all__ = ["JSON_CALL", "After", "CallerDep", "Limit", "OnlyMotor", "RequestKey", "ServicesDep"]
 
 
 def _services(request: Request) -> Services:
@@ -36,8 +37,11 @@ ServicesDep = Annotated[Services, Depends(_services)]
 """Components of the service."""
 CallerDep = Annotated[Caller, Depends(_caller)]
 """Authenticated client."""
-JsonBody = Depends(_json_body)
-"""Dependency that rejects bodies of media types other than JSON."""
+JSON_CALL: dict[str, Any] = {
+    "dependencies": [Depends(_json_body)],
+    "responses": responses(400, 403, 404, 413, 415, 422),
+}
+"""Arguments of a route whose body is JSON; bodies of other media types are rejected."""
 After = Annotated[str | None, Query(max_length=200, description="`next` of the previous page.")]
 """Cursor of a page."""
 Limit = Annotated[int, Query(ge=1, le=1000, description="Maximum number of entries on a page.")]
