@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import BeforeValidator, Field, StringConstraints
 
 from app.analyses.prediction import Prediction
 from app.analyses.service import LoopAnalysis
@@ -25,6 +25,8 @@ __all__ = [
 ]
 
 _MOST = 5
+Points = Annotated[list[float], BeforeValidator(list)]
+"""Values of a curve, from an array."""
 
 
 class FeedbackIn(Received):
@@ -87,13 +89,13 @@ class StepOut(Documented):
 
     controller: str
     temperature_degC: float  # noqa: N815
-    time_s: list[float]
+    time_s: Points = Field(validation_alias="time")
     """Time after the step [s]."""
-    q05: list[float]
+    q05: Points
     """Lower end of the pointwise 90 % band [-]."""
-    median: list[float]
+    median: Points
     """Pointwise median [-]."""
-    q95: list[float]
+    q95: Points
     """Upper end of the pointwise 90 % band [-]."""
 
 
@@ -109,18 +111,7 @@ class FeedbackOut(Documented):
     @classmethod
     def of(cls, loop: LoopAnalysis) -> FeedbackOut:
         """Build the schema from an analysis."""
-        steps = [
-            StepOut(
-                controller=step.controller,
-                temperature_degC=step.temperature_degC,
-                time_s=step.time.tolist(),
-                q05=step.q05.tolist(),
-                median=step.median.tolist(),
-                q95=step.q95.tolist(),
-            )
-            for step in loop.steps
-        ]
-        return cls(feedback=list(loop.feedback), steps=steps, remarks=list(loop.remarks))
+        return cls.model_validate(loop, from_attributes=True)
 
 
 class ErrorOut(Documented):

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Header, Response
 from fastapi.responses import HTMLResponse
 
 from app.access.service import Caller
-from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults
+from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults, BatchSummary
 from app.composition import Services
 from app.errors import NotAcceptable
 from app.http.dependencies import JSON_CALL, After, CallerDep, Limit, RequestKey, ServicesDep
@@ -64,7 +64,8 @@ def list_batches(
     after: After = None,
 ) -> BatchList:
     """List batches, newest first."""
-    return BatchList.of(*services.batches.page(caller, after=after, limit=limit))
+    batches, following = services.batches.page(caller, after=after, limit=limit)
+    return BatchList(items=[BatchSummary.of(batch) for batch in batches], next=following)
 
 
 @router.get("/{batch_id}", summary="Show a batch", responses=responses(404))
@@ -136,7 +137,8 @@ def _results(
     services: Services, caller: Caller, batch_id: str, form: Form
 ) -> BatchResults | Response:
     if form == "json":
-        return BatchResults.of(*services.batches.rows(caller, batch_id))
+        batch, rows = services.batches.rows(caller, batch_id)
+        return BatchResults(id=batch.row.id, status=batch.status, rows=rows)
     return Response(
         services.batches.table(caller, batch_id, form),
         media_type=f"{_MEDIA_TYPE[form]}{'; charset=utf-8' if form == 'csv' else ''}",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Literal
 
 from pydantic import Field
@@ -176,11 +175,6 @@ class BatchResults(Documented):
     rows: list[dict[str, str | int | float | bool | None]]
     """Rows of the table; docs/batch.md describes the columns."""
 
-    @classmethod
-    def of(cls, batch: StoredBatch, rows: Sequence[dict[str, Any]]) -> BatchResults:
-        """Build the schema from a batch and the rows of its table."""
-        return cls(id=batch.row.id, status=batch.status, rows=list(rows))
-
 
 class BatchList(Documented):
     """A page of batches, newest first, without their fits."""
@@ -188,11 +182,6 @@ class BatchList(Documented):
     items: list[BatchSummary]
     next: str | None
     """Value of `after` for the next page; null on the last page."""
-
-    @classmethod
-    def of(cls, batches: Sequence[StoredBatch], following: str | None) -> BatchList:
-        """Build the schema from stored batches and the cursor of the next page."""
-        return cls(items=[BatchSummary.of(batch) for batch in batches], next=following)
 
 
 def _fields(batch: StoredBatch) -> dict[str, Any]:

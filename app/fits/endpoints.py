@@ -12,7 +12,7 @@ from fastapi.responses import FileResponse, StreamingResponse
 
 from app.fits.events import EventStream, has_heard_the_end, last_version, stream
 from app.fits.exports import EXPORTS
-from app.fits.schemas import FitCreate, FitList, FitOut, Status
+from app.fits.schemas import FitCreate, FitList, FitOut, FitSummary, Status
 from app.http.dependencies import (
     JSON_CALL,
     After,
@@ -73,8 +73,10 @@ def list_fits(
     motor: OnlyMotor = None,
 ) -> FitList:
     """List fits, newest first, without their results."""
-    fits = services.fits.page(caller, after=after, limit=limit, status=status, motor=motor)
-    return FitList.of(*fits)
+    fits, following = services.fits.page(
+        caller, after=after, limit=limit, status=status, motor=motor
+    )
+    return FitList(items=[FitSummary.of(fit) for fit in fits], next=following)
 
 
 @router.get("/{fit_id}", summary="Show a fit", responses=responses(404))

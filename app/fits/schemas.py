@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, StringConstraints
@@ -236,11 +235,6 @@ class FitList(Documented):
     items: list[FitSummary]
     next: str | None
     """Value of `after` for the next page; null on the last page."""
-
-    @classmethod
-    def of(cls, fits: Sequence[StoredFit], following: str | None) -> FitList:
-        """Build the schema from stored fits and the cursor of the next page."""
-        return cls(items=[FitSummary.of(fit) for fit in fits], next=following)
 
 
 class FitEvent(Documented):

@@ -84,7 +84,8 @@ def list_runs(
     motor: OnlyMotor = None,
 ) -> RunList:
     """List runs, newest first."""
-    return RunList.of(*services.runs.page(caller, after=after, limit=limit, motor=motor))
+    runs, following = services.runs.page(caller, after=after, limit=limit, motor=motor)
+    return RunList(items=[RunOut.of(run) for run in runs], next=following)
 
 
 @router.get("/{run_id}", summary="Show a run", responses=responses(404))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from pydantic import Field
@@ -131,8 +130,3 @@ class RunList(Documented):
     items: list[RunOut]
     next: str | None
     """Value of `after` for the next page; null on the last page."""
-
-    @classmethod
-    def of(cls, rows: Sequence[RunRow], following: str | None) -> RunList:
-        """Build the schema from stored runs and the cursor of the next page."""
-        return cls(items=[RunOut.of(row) for row in rows], next=following)
