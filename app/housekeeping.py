@@ -22,7 +22,6 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import ColumnElement, delete, exists, func, or_, select
@@ -36,7 +35,7 @@ from app.metrics import Metrics
 from app.storage import Storage
 from app.tables import BatchRow, FitRow, FitRunRow, PendingRow, RunRow
 
-__all__ = ["Housekeeper", "Removed", "Retention"]
+__all__ = ["Housekeeper", "Retention"]
 
 _LOOK_S = 60.0
 _LARGEST_DRIFT_S = 30.0
@@ -102,20 +101,6 @@ class Housekeeper:
             _log.exception("housekeeping has to wait")
 
 
-@dataclass(frozen=True)
-class Removed:
-    """Number of deleted items."""
-
-    fits: int = 0
-    """Ended fits."""
-    runs: int = 0
-    """Runs that no fit named, and uploads never confirmed as runs."""
-    batches: int = 0
-    """Batches without fits."""
-    files: int = 0
-    """Files and directories without a row."""
-
-
 class Retention:
     """Removal of expired data; 0 days keep them."""
 
@@ -125,24 +110,25 @@ class Retention:
         self._metrics = metrics
         self._days = days
 
-    def sweep(self, now: float | None = None) -> Removed:
-        """Delete expired items and return their number."""
+    def sweep(self, now: float | None = None) -> dict[str, int]:
+        """Delete expired items; return the number of each kind of which there were any.
+
+        The kinds are `fits`, `batches`, `runs` (uploads never confirmed as runs included), and
+        `files` without a row.
+        """
         now = time.time() if now is None else now
-        found = Removed(files=self._sweep_files(now))
+        found = {"files": self._sweep_files(now)}
         if self._days:
             before = now - self._days * _DAY_S
-            found = Removed(
-                fits=self._remove_fits(before),
-                batches=self._remove_batches(before),
-                runs=self._remove_runs(before),
-                files=found.files,
-            )
-        counted = {name: number for name, number in vars(found).items() if number}
-        for kind, number in counted.items():
+            found["fits"] = self._remove_fits(before)
+            found["batches"] = self._remove_batches(before)
+            found["runs"] = self._remove_runs(before)
+        removed = {kind: number for kind, number in found.items() if number}
+        for kind, number in removed.items():
             self._metrics.removed.labels(kind).inc(number)
-        if counted:
-            _log.info("old things were removed", extra=counted)
-        return found
+        if removed:
+            _log.info("old things were removed", extra=removed)
+        return removed
 
     def _remove_fits(self, before: float) -> int:
         with self._database.reading() as session:

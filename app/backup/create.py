@@ -15,7 +15,6 @@ import sqlite3
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
 
 from app.backup.archive import DATABASE, AbstractTarget, target
 from app.damage import DamagedDatabase, check_present, is_damaged
@@ -26,31 +25,16 @@ from app.settings import Settings
 from app.storage import Storage
 from identification.errors import InputError, OptionError
 
-__all__ = ["Saved", "back_up", "database_file"]
+__all__ = ["back_up", "database_file", "summary_of"]
 
 _BUSY_S = 60.0
 
 
-@dataclass(frozen=True)
-class Saved:
-    """Content of a backup."""
-
-    runs: int
-    """Number of runs."""
-    fits: int
-    """Number of fits that have outputs."""
-    files: int
-    """Number of files, including the database."""
-
-    def __str__(self) -> str:
-        return f"{self.runs} runs and {self.fits} results in {self.files} files"
-
-    @classmethod
-    def of(cls, names: Collection[str]) -> Self:
-        """Count the files of a backup by their names."""
-        runs = sum(name.startswith("runs/") for name in names)
-        fits = len({name.split("/")[1] for name in names if name.startswith("fits/")})
-        return cls(runs, fits, len(names))
+def summary_of(names: Collection[str]) -> str:
+    """Number of runs, of fits that have outputs, and of all files of a backup, in words."""
+    runs = sum(name.startswith("runs/") for name in names)
+    fits = len({name.split("/")[1] for name in names if name.startswith("fits/")})
+    return f"{runs} runs and {fits} results in {len(names)} files"
 
 
 def database_file(settings: Settings) -> Path:
@@ -68,8 +52,10 @@ def database_file(settings: Settings) -> Path:
     return settings.data_dir.absolute() / DATABASE
 
 
-def back_up(settings: Settings, place: Path) -> Saved:
+def back_up(settings: Settings, place: Path) -> str:
     """Write a backup to a directory that is missing or empty, or to a new file that ends with .tar.
+
+    Return a summary of its content.
 
     Raises:
         OptionError: There is no database, or the target already exists.
@@ -91,7 +77,7 @@ def back_up(settings: Settings, place: Path) -> Saved:
         # Clean up, so that the same command can be repeated after the cause is fixed.
         into.discard()
         raise
-    return Saved.of(sums)
+    return summary_of(sums)
 
 
 def _fill(into: AbstractTarget, source: Path, storage: Storage) -> dict[str, str]:

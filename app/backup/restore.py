@@ -16,7 +16,7 @@ from pathlib import Path
 
 from app.backup.archive import DATABASE, SUMS, copied, is_name, opened
 from app.backup.check import check_database
-from app.backup.create import Saved, database_file
+from app.backup.create import database_file, summary_of
 from app.settings import Settings
 from app.storage import RESTORING
 from identification.errors import InputError, OptionError
@@ -29,8 +29,10 @@ _OF_THE_VOLUME = ("lost+found",)  # at the root of an ext4 file system
 _SUM = re.compile(r"([0-9a-f]{64})  (\S+)")
 
 
-def restore(settings: Settings, backup: Path) -> Saved:
+def restore(settings: Settings, backup: Path) -> str:
     """Create the data directory, which must be missing or empty, from a backup.
+
+    Return a summary of its content.
 
     Raises:
         OptionError: The data directory is not empty or cannot be written.
@@ -94,7 +96,7 @@ def _move_up(partial: Path, place: Path) -> None:
         raise
 
 
-def _fill(directory: Path, backup: Path) -> Saved:
+def _fill(directory: Path, backup: Path) -> str:
     found: dict[str, str] = {}
     sums: dict[str, str] | None = None
     with opened(backup) as files:
@@ -120,7 +122,7 @@ def _fill(directory: Path, backup: Path) -> Saved:
         (directory / part).mkdir(exist_ok=True, mode=0o700)
         sync(directory / part)
     sync(directory)
-    return Saved.of(found)
+    return summary_of(found)
 
 
 def _read_sums(content: bytes, backup: Path) -> dict[str, str]:

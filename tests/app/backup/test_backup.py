@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.backup.archive import is_name
-from app.backup.create import Saved, back_up
+from app.backup.create import back_up
 from app.backup.restore import restore
 from app.settings import Settings, load_settings
 from identification.errors import InputError, OptionError
@@ -46,7 +46,7 @@ def test_restore_reproduces_the_data(settings: Settings, tmp_path: Path, place: 
     saved = back_up(settings, tmp_path / place)
     restored = restore(there, tmp_path / place)
 
-    assert saved == restored == Saved(runs=2, fits=1, files=5)
+    assert saved == restored == "2 runs and 1 results in 5 files"
     expected = files(settings.data_dir)
     assert files(there.data_dir) == {n: c for n, c in expected.items() if "worker.log" not in n}
     assert rows(there.data_dir) == rows(settings.data_dir) | {"sessions": []}

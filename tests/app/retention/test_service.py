@@ -10,7 +10,7 @@ import pytest
 
 from app.access.service import AccessService
 from app.database import Database
-from app.housekeeping import Housekeeper, Removed, Retention
+from app.housekeeping import Housekeeper, Retention
 from app.identifiers import new_id
 from app.metrics import Metrics
 from app.storage import Storage
@@ -63,7 +63,7 @@ def test_old_fit_is_removed_with_its_run_and_files(
     run, fit = run_row("a", created_at=OLD), fit_row("a", "succeeded", ended_at=OLD)
     keep(database, storage, run, fit, role_row(fit, run))
 
-    assert retention.sweep() == Removed(fits=1, runs=1)
+    assert retention.sweep() == {"fits": 1, "runs": 1}
     assert left(storage) == (set(), set())
 
 
@@ -76,7 +76,7 @@ def test_unfinished_fit_is_never_removed(
     fit.created_at = OLD
     keep(database, storage, run, fit, role_row(fit, run))
 
-    assert retention.sweep() == Removed()
+    assert retention.sweep() == {}
     assert left(storage) == ({run.id}, {fit.id})
 
 
@@ -88,7 +88,7 @@ def test_run_stays_as_long_as_a_fit_names_it(
     old, young = (fit_row("a", "succeeded", ended_at=at) for at in (OLD, YOUNG))
     keep(database, storage, run, old, young, role_row(old, run), role_row(young, run))
 
-    assert retention.sweep() == Removed(fits=1)
+    assert retention.sweep() == {"fits": 1}
     assert left(storage) == ({run.id}, {young.id})
 
 
@@ -99,7 +99,7 @@ def test_repeated_upload_renews_a_run(
     again, once = run_row("a", created_at=OLD, sent_at=NOW), run_row("a", created_at=OLD)
     keep(database, storage, again, once)
 
-    assert retention.sweep() == Removed(runs=1)
+    assert retention.sweep() == {"runs": 1}
     assert left(storage) == ({again.id}, set())
 
 
@@ -122,7 +122,7 @@ def test_batch_is_removed_as_a_whole(
     ]
     keep(database, storage, *batches, *fits)
 
-    assert retention.sweep() == Removed(fits=2, batches=1)
+    assert retention.sweep() == {"fits": 2, "batches": 1}
     assert left(storage)[1] == {fit.id for fit in fits[2:]}
 
 
@@ -135,7 +135,7 @@ def test_removal_is_in_portions_and_searches_without_a_write_lock(
         session.add_all(run_row("a", created_at=OLD) for _ in range(240))
 
     with statements(database, written=True) as seen:
-        assert retention.sweep() == Removed(fits=60, runs=240)
+        assert retention.sweep() == {"fits": 60, "runs": 240}
     deleted = [words.split()[2] for words in seen if words.startswith("DELETE")]
     assert [deleted.count(table) for table in ("fits", "runs", "batches")] == [3, 2, 1]
     looked = [words for words in seen if words.startswith("SELECT") and "ORDER BY" in words]
@@ -147,7 +147,7 @@ def test_default_retention_removes_nothing(database: Database, storage: Storage)
     run, fit = run_row("a", created_at=1.0), fit_row("a", "failed", ended_at=1.0)
     keep(database, storage, run, fit)
 
-    assert Retention(database, storage, Metrics(), 0.0).sweep() == Removed()
+    assert Retention(database, storage, Metrics(), 0.0).sweep() == {}
 
 
 def test_old_files_without_a_row_are_removed(
@@ -160,7 +160,7 @@ def test_old_files_without_a_row_are_removed(
         path.write_bytes(b"")
     os.utime(old, (OLD, OLD))
 
-    assert retention.sweep() == Removed(files=1)
+    assert retention.sweep() == {"files": 1}
     assert (old.exists(), young.exists()) == (False, True)
 
 
@@ -175,7 +175,7 @@ def test_many_items_are_removed_in_portions(
     with database.writing() as session:
         session.add_all(rows)
 
-    assert retention.sweep() == Removed(fits=500, runs=500)
+    assert retention.sweep() == {"fits": 500, "runs": 500}
 
 
 class Clocks:
