@@ -93,12 +93,7 @@ class Services:
             raise
 
     def start(self) -> None:
-        """Open what is not open yet, and start the threads and processes.
-
-        Raises:
-            OptionError: As for `open`.
-            DamagedDatabase: As for `open`.
-        """
+        """Open what is not open yet, and start the threads and processes."""
         self.open()
         self.storage.sweep_incoming()
         self.retention.sweep()

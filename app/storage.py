@@ -46,7 +46,10 @@ _TRIED_BYTES = 1 << 16
 
 
 class Storage:
-    """Paths of one data directory, created if missing, and the lock that its server holds."""
+    """Paths of one data directory, created if missing, and the lock that its server holds.
+
+    `ValueError` is raised for a text that is not an ID and could point to any path.
+    """
 
     def __init__(self, directory: Path, node: str) -> None:
         self.directory = directory.absolute()
@@ -102,11 +105,7 @@ class Storage:
         return self.incoming / secrets.token_hex(16)
 
     def run(self, run_id: str) -> Path:
-        """Path of the bytes of a run.
-
-        Raises:
-            ValueError: The text is not a run id and could point to any path.
-        """
+        """Path of the bytes of a run."""
         return self.directory / "runs" / _checked("run", run_id)
 
     def keep_run(self, incoming: Path, run_id: str) -> None:
@@ -130,19 +129,11 @@ class Storage:
         remove_entry(self.run(run_id))
 
     def fit(self, fit_id: str) -> Path:
-        """Directory of all attempts of a fit.
-
-        Raises:
-            ValueError: The text is not a fit id and could point to any path.
-        """
+        """Directory of all attempts of a fit."""
         return self.directory / "fits" / _checked("fit", fit_id)
 
     def attempt(self, fit_id: str, attempt: int) -> Path:
-        """Directory of one attempt of a fit.
-
-        Raises:
-            ValueError: The text is not a fit id, or the attempt is not a number.
-        """
+        """Directory of one attempt of a fit."""
         if not str(attempt).isdecimal():
             raise ValueError(f"{attempt!r} is no number of an attempt")
         return self.fit(fit_id) / str(attempt)

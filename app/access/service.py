@@ -48,7 +48,10 @@ class Caller:
 
 
 class AccessService:
-    """Keys and sessions of one database."""
+    """Keys and sessions of one database.
+
+    `BadKey` is raised for a key or a session that is unknown or has ended.
+    """
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -124,11 +127,7 @@ class AccessService:
             )
 
     def caller_of_key(self, secret: str) -> Caller:
-        """Client authenticated by a key.
-
-        Raises:
-            BadKey: The key is unknown, revoked or expired.
-        """
+        """Client authenticated by a key that is neither revoked nor expired."""
         query = select(KeyRow).where(KeyRow.digest == _digest(secret))
         refusal = "the key is not valid; the operator creates one with motorid keys create"
         return self._caller(secret, query, refusal)
@@ -140,11 +139,7 @@ class AccessService:
             return set(session.scalars(query))
 
     def open_session(self, secret: str, lifetime_s: float) -> str:
-        """Open a browser session with a key and return the value of its cookie.
-
-        Raises:
-            BadKey: The key is unknown, revoked or expired.
-        """
+        """Open a browser session with a key and return the value of its cookie."""
         caller = self.caller_of_key(secret)
         token = _SESSION_PREFIX + secrets.token_urlsafe(32)
         now = time.time()
@@ -160,11 +155,7 @@ class AccessService:
             session.execute(delete(SessionRow).where(SessionRow.digest == _digest(token)))
 
     def caller_of_session(self, token: str) -> Caller:
-        """Client authenticated by a session cookie.
-
-        Raises:
-            BadKey: The session is unknown or has ended, or its key was revoked or has expired.
-        """
+        """Client authenticated by a session cookie, whose key is still valid."""
         query = select(KeyRow).join(SessionRow, SessionRow.key_id == KeyRow.id)
         query = query.where(
             SessionRow.digest == _digest(token), SessionRow.expires_at > time.time()

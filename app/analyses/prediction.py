@@ -45,7 +45,11 @@ class Design:
 
 
 class Predictor:
-    """Predictor of runs in child processes of a fork server for `app.analyses.predictor`."""
+    """Predictor of runs in child processes of a fork server for `app.analyses.predictor`.
+
+    Each method raises `RunRefused` if the computation exceeds the limits or the result or the
+    request does not allow it, and `Unavailable` if it cannot be done now.
+    """
 
     def __init__(self, fork_server: ForkServer, limits: ProcessLimits, max_rows: int) -> None:
         self._fork_server = fork_server
@@ -64,10 +68,6 @@ class Predictor:
         """Simulate a stored run from its inputs, with the nominal or the final model.
 
         A table that is given receives the simulated samples as CSV.
-
-        Raises:
-            RunRefused: The prediction exceeds the limits, or the result does not allow it.
-            Unavailable: The run cannot be predicted now.
         """
         task = {
             "path": str(path),
@@ -86,12 +86,7 @@ class Predictor:
     def design(
         self, options: Mapping[str, Any], nameplate: str, result: Mapping[str, Any] | None
     ) -> Design:
-        """Design a run with fields of `DesignOptions`, for a result or else a nameplate.
-
-        Raises:
-            RunRefused: The design exceeds the limits, or result or request do not allow it.
-            Unavailable: No run can be designed now.
-        """
+        """Design a run with fields of `DesignOptions`, for a result or else a nameplate."""
         task = {"design": options, "nameplate": nameplate, "result": result}
         table = io.BytesIO()
         found = self._fork_server.answer(task, self._limits, table)

@@ -54,9 +54,11 @@ class LoopAnalysis:
 
 
 class AnalysisService:
-    """Analyses of fits; each is restricted to the workspace of its caller.
+    """Analyses of succeeded fits; each is restricted to the workspace of its caller.
 
-    `NotFound` is raised for an ID that this workspace does not have.
+    `NotFound` is raised for an ID that this workspace does not have, `NotReady` for a fit that has
+    not succeeded, `FileLost` for a file that is missing or damaged, `InputError` for a result or an
+    option that is not accepted, and `Unavailable` if too many analyses are computed at the moment.
     """
 
     def __init__(
@@ -96,15 +98,7 @@ class AnalysisService:
         *,
         draws: int,
     ) -> LoopAnalysis:
-        """Speed loop of the motor with other controllers, at other temperatures [degC].
-
-        Raises:
-            NotReady: The fit has not succeeded.
-            FileLost: The result or the posterior is missing or damaged.
-            OptionError: A controller or a temperature is not accepted.
-            InputError: The result lacks a parameter.
-            Unavailable: Too many analyses are computed at the moment.
-        """
+        """Speed loop of the motor with other controllers, at other temperatures [degC]."""
         # Lazy imports: numpy and scipy would slow down every start.
         from identification.speed_loop import feedback_metrics, parse_controllers, step_curves
         from identification.speed_loop.spread import checked_temperatures
@@ -143,10 +137,7 @@ class AnalysisService:
         A table that is given receives the simulated samples as CSV.
 
         Raises:
-            NotReady: The fit has not succeeded.
-            FileLost: The result or the run is missing or damaged.
             RunRefused: The prediction exceeds the limits, or the result does not allow it.
-            Unavailable: Too many analyses are computed at the moment.
         """
         fit = self.succeeded(caller, fit_id)
         run = self._runs.get(caller, run_id)
@@ -166,7 +157,6 @@ class AnalysisService:
         """The table of a prediction as an open CSV file, as `motorid predict` writes it.
 
         Raises:
-            NotReady: As for `prediction`; so do the other errors.
             StorageFull: No disk space is left.
         """
         # An unnamed file: the table of a long run does not fit into memory.
@@ -187,11 +177,7 @@ class AnalysisService:
         The options are fields of `identification.design.DesignOptions`.
 
         Raises:
-            NotReady: The fit has not succeeded.
-            FileLost: The result is missing or damaged.
-            OptionError: An option is not accepted.
             RunRefused: The result or the limits do not allow a design.
-            Unavailable: Too many analyses are computed at the moment.
         """
         from identification.design import DesignOptions
 
@@ -201,12 +187,7 @@ class AnalysisService:
             return self._predictor.design(options, nameplate, result)
 
     def succeeded(self, caller: Caller, fit_id: str) -> StoredFit:
-        """Succeeded fit with its result.
-
-        Raises:
-            NotReady: The fit has not succeeded.
-            FileLost: The result is missing or damaged.
-        """
+        """Succeeded fit with its result."""
         fit = self._fits.get(caller, fit_id)
         if fit.result is None:
             raise NotReady(f"{fit_id} is {fit.row.status}; only a succeeded fit has a result")

@@ -48,7 +48,8 @@ class StoredFit:
 class FitService:
     """Operations on fits; each is restricted to the workspace of its caller.
 
-    `NotFound` is raised for an ID that this workspace does not have.
+    `NotFound` is raised for an ID that this workspace does not have, `NotReady` for an output that
+    a fit does not have, or not yet, and `FileLost` for one that is missing or damaged.
     """
 
     def __init__(
@@ -102,11 +103,7 @@ class FitService:
         return [self._fit(row, ids[row.id]) for row in rows], following
 
     def get(self, caller: Caller, fit_id: str) -> StoredFit:
-        """Fit with its result if it has succeeded.
-
-        Raises:
-            FileLost: The result is missing or damaged.
-        """
+        """Fit with its result if it has succeeded."""
         with self._database.reading() as session:
             row = queries.known(session, FitRow, caller.workspace, fit_id)
             ids = repository.run_ids(session, [row.id])[row.id]
@@ -143,21 +140,11 @@ class FitService:
         return None
 
     def report(self, caller: Caller, fit_id: str) -> BinaryIO:
-        """Open the report of a fit for reading.
-
-        Raises:
-            NotReady: The fit has not succeeded.
-            FileLost: The report is missing or damaged.
-        """
+        """Open the report of a fit for reading."""
         return self._output(caller, fit_id, "report.html")
 
     def posterior(self, caller: Caller, fit_id: str) -> BinaryIO:
-        """Open the posterior of a fit for reading.
-
-        Raises:
-            NotReady: The fit has not succeeded, or was computed without a posterior.
-            FileLost: The posterior is missing or damaged.
-        """
+        """Open the posterior of a fit for reading."""
         return self._output(caller, fit_id, "posterior.nc")
 
     def _output(self, caller: Caller, fit_id: str, name: str) -> BinaryIO:
@@ -180,9 +167,7 @@ class FitService:
         """Result of a fit in the format of another program.
 
         Raises:
-            NotReady: The fit has not succeeded.
             FieldRefused: The format, a temperature or the result is not accepted.
-            FileLost: The result is missing or damaged.
             Unavailable: The export failed or took too long.
         """
         row = self._succeeded(caller, fit_id)
