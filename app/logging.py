@@ -22,7 +22,6 @@ from typing import Any
 __all__ = ["configure_logging", "request_id", "warnings_logged"]
 
 request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
-"""Id of the current request."""
 
 _SECRET = re.compile(r"motorid_[A-Za-z0-9_-]{40,}")
 """Pattern of a key or session cookie, which a client may misplace, as in a path."""

@@ -174,7 +174,6 @@ class DesignIn(Received):
     narrow: Word = ""
     """Quantity to narrow, such as `Ra25` or `rise_time_s@125`."""
     seed: int = Field(default=0, ge=0, lt=2**32)
-    """Seed."""
 
     def options(self) -> dict[str, Any]:
         """Fields of `DesignOptions`."""

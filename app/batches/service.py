@@ -45,7 +45,6 @@ class StoredBatch:
     """A batch with its derived data."""
 
     row: BatchRow
-    """Database row of the batch."""
     counts: Mapping[str, int]
     """Number of its fits in each state."""
     fraction: float = 0.0

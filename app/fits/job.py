@@ -29,7 +29,6 @@ class RunFile:
     """A run as it was accepted."""
 
     path: str
-    """Path of the file."""
     name: str
     """Name of the run in the result."""
     mapping: dict[str, Any] | str | None
@@ -43,7 +42,6 @@ class FitJob:
     """One attempt at one fit."""
 
     fit_id: str
-    """ID of the fit."""
     attempt: int
     """Number of this attempt, counted from 1."""
     directory: str
@@ -51,7 +49,6 @@ class FitJob:
     training: tuple[RunFile, ...]
     """Training runs, in the order of recording."""
     validation: tuple[RunFile, ...]
-    """Validation runs."""
     options: dict[str, Any]
     """Fields of `identification.options.FitOptions`, and `bench` if it is known."""
     pipeline: str

@@ -33,11 +33,9 @@ class FitRequest:
     training: Sequence[str]
     """IDs of the training runs, in the order of recording."""
     validation: Sequence[str]
-    """IDs of the validation runs."""
     options: Mapping[str, Any]
     """Fields of `identification.options.FitOptions`, and `bench` if it is known."""
     motor: str | None = None
-    """Name of the motor, or None."""
     motor_type: str | None = None
     """Type of the motor, by which a batch pools its results, or None."""
 

@@ -34,11 +34,9 @@ class StoredFit:
     """A fit with its derived data."""
 
     row: FitRow
-    """Database row of the fit."""
     training: Sequence[str]
     """IDs of its training runs, in order."""
     validation: Sequence[str]
-    """IDs of its validation runs."""
     has_posterior: bool = False
     """Whether a posterior can be fetched."""
     result: dict[str, Any] | None = None

@@ -18,7 +18,6 @@ from typing import Final
 __all__ = ["PATH", "address", "unready"]
 
 PATH: Final = "/readyz"
-"""URL path of the readiness check."""
 
 _TIMEOUT_S = 4.0
 _ANYWHERE = ("0.0.0.0", "::", "[::]")  # noqa: S104  compared with MOTORID_HOST, never bound

@@ -15,7 +15,6 @@ __all__ = [
 ]
 
 API_PREFIX: Final = "/api/v1"
-"""Prefix of all API calls."""
 
 HEALTH_PATHS: Final = frozenset(
     f"{prefix}/{name}" for prefix in ("", API_PREFIX) for name in ("healthz", "readyz", "metrics")
@@ -29,7 +28,6 @@ UPLOAD_PATHS: Final = (f"{API_PREFIX}/runs", f"{API_PREFIX}/runs/preview", PENDI
 """Paths whose body is a run file, with the size limit and the deadline of an upload."""
 
 LOGIN_PATH: Final = "/login"
-"""Login page."""
 
 HELP_PREFIX: Final = "/help/"
 """Prefix of the documentation site."""

@@ -34,20 +34,15 @@ def _json_body(request: Request) -> None:
 
 
 ServicesDep = Annotated[Services, Depends(_services)]
-"""Components of the service."""
 CallerDep = Annotated[Caller, Depends(_caller)]
-"""Authenticated client."""
 JSON_CALL: dict[str, Any] = {
     "dependencies": [Depends(_json_body)],
     "responses": responses(400, 403, 404, 413, 415, 422),
 }
 """Arguments of a route whose body is JSON; bodies of other media types are rejected."""
 After = Annotated[str | None, Query(max_length=200, description="`next` of the previous page.")]
-"""Cursor of a page."""
 Limit = Annotated[int, Query(ge=1, le=1000, description="Maximum number of entries on a page.")]
-"""Size of a page."""
 OnlyMotor = Annotated[str | None, Query(max_length=200, description="Only those of this motor.")]
-"""Filter of a list."""
 RequestKey = Annotated[
     str | None,
     Header(
@@ -56,4 +51,3 @@ RequestKey = Annotated[
         "has the same answer, so that a request can be repeated if its answer was lost.",
     ),
 ]
-"""Idempotency-Key of a request."""

@@ -43,7 +43,6 @@ class Upload:
     """A form that was received completely."""
 
     path: Path
-    """Path of the received file."""
     name: str
     """File name given by the caller, without directories."""
     sha256: str

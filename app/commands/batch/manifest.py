@@ -58,9 +58,7 @@ class Motor:
     training: tuple[Path, ...]
     """Training run files, in the order of recording."""
     validation: tuple[Path, ...]
-    """Validation run files."""
     options: FitOptions
-    """Options of the fit."""
     mapping: Path | None = None
     """JSON file that assigns columns to channels, or None."""
     bench: str = ""
