@@ -30,7 +30,7 @@ from app.database import Database
 from app.fits import repository
 from app.fits.engine import LOST, AbstractEngine, AbstractRunning
 from app.fits.job import FitJob
-from app.fits.queue import FitQueue
+from app.fits.queue import Claim, FitQueue
 from app.fits.starter import CannotStart, Postponed, Starter
 from app.metrics import Metrics
 from app.settings import Settings
@@ -49,14 +49,11 @@ _log = logging.getLogger(__name__)
 class Attempt:
     """An attempt that runs under this server."""
 
+    claim: Claim
     running: AbstractRunning
     """The job on its engine."""
     began: float
     """Time of the start, on the monotonic clock [s]."""
-    failures: int
-    """Number of earlier attempts that crashed."""
-    is_alone: bool = False
-    """Whether no other fit may run at the same time."""
     told: dict[str, Any] = field(default_factory=dict)
     """Fields of all messages so far; a later value replaces an earlier one."""
     news: dict[str, Any] = field(default_factory=dict)
@@ -218,7 +215,7 @@ class Supervisor:
 
     def _crash(self, attempt: Attempt, end: str) -> None:
         job = attempt.job
-        failures = attempt.failures + 1
+        failures = attempt.claim.failures + 1
         self._metrics.fit_attempts_failed.inc()
         _log.warning(
             "an attempt ended without a result",
@@ -245,7 +242,7 @@ class Supervisor:
         # The first interruption causes no delay, but a machine without free processes must not be
         # asked often.
         self._postponed.postpone(job.fit_id, free=0 if refused else 1)
-        self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
+        self._queue.put_back(job.fit_id, job.attempt, attempt.claim.failures)
         self._drop(attempt)
 
     def _close(self, attempt: Attempt, status: str, **details: object) -> None:
@@ -282,7 +279,7 @@ class Supervisor:
             _log.warning("fit found without a process", extra={"fit": fit_id})
 
     def _has_room(self) -> bool:
-        is_taken = any(attempt.is_alone for attempt in self._attempts.values())
+        is_taken = any(attempt.claim.is_alone for attempt in self._attempts.values())
         return len(self._attempts) < self._engine.capacity() and not is_taken
 
     def _begin(self) -> bool:
@@ -297,9 +294,7 @@ class Supervisor:
             return False
         claim, running = begun
         job, now = claim.job, time.monotonic()
-        self._attempts[job.fit_id] = Attempt(
-            running, began=now, failures=claim.failures, is_alone=claim.is_alone, renewed=now
-        )
+        self._attempts[job.fit_id] = Attempt(claim, running, began=now, renewed=now)
         _log.info("fit begun", extra={"fit": job.fit_id, "attempt": job.attempt})
         return True
 
@@ -311,7 +306,7 @@ class Supervisor:
             attempt.running.kill()
             job = attempt.job
             try:
-                self._queue.put_back(job.fit_id, job.attempt, attempt.failures)
+                self._queue.put_back(job.fit_id, job.attempt, attempt.claim.failures)
             except SQLAlchemyError:
                 # The next server takes the fit over when it finds the old lease.
                 _log.exception("a fit could not be requeued")

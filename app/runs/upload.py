@@ -83,9 +83,9 @@ class UploadForm:
 
     As a context manager, it deletes the written file if an exception occurs.
 
-    Raises:
-        BadRequest: The boundary is invalid.
-        StorageFull: No disk space is left.
+    `BadRequest` is raised for a boundary or a body that is no valid form, `BodyTooLarge` for a file
+    above its maximum size, `FieldRefused` for a field that is missing, too large, not accepted,
+    given twice or not UTF-8 text, and `StorageFull` if no disk space is left.
     """
 
     def __init__(
@@ -135,27 +135,14 @@ class UploadForm:
             self._target.unlink(missing_ok=True)
 
     def feed(self, chunk: bytes) -> None:
-        """Parse the next bytes of the body.
-
-        Raises:
-            BadRequest: The body is not a valid form.
-            BodyTooLarge: The file exceeds the maximum size.
-            FieldRefused: A field is too large, given twice, or not one of the accepted ones.
-            StorageFull: No disk space is left.
-        """
+        """Parse the next bytes of the body."""
         try:
             self._parser.write(chunk)
         except FormParserError as error:
             raise BadRequest("the form is malformed; let the HTTP client generate it") from error
 
     def finish(self) -> Upload:
-        """Return the form at the end of the body, after flushing the file to disk.
-
-        Raises:
-            BadRequest: The form is incomplete.
-            FieldRefused: The form has no file, or a field is not UTF-8 text.
-            StorageFull: No disk space is left.
-        """
+        """Return the form at the end of the body, after flushing the file to disk."""
         if not self._ended:
             raise BadRequest("the form is incomplete; send it again")
         if self._name is None:
