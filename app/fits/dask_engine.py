@@ -24,7 +24,7 @@ from typing import Any
 from distributed import Client, Future, Security
 
 from app.fits.dask_task import TOPIC, compute
-from app.fits.engine import LOST, AbstractEngine, AbstractRunning, in_words
+from app.fits.engine import LOST, AbstractEngine, AbstractRunning
 from app.fits.job import FitJob
 from app.settings import Settings
 from app.storage import Storage
@@ -175,26 +175,19 @@ class DaskEngine(AbstractEngine):
 
 class _DaskRunning(AbstractRunning):
     def __init__(self, engine: DaskEngine, job: FitJob, key: str, line: object) -> None:
-        self.job = job
+        super().__init__(job)
         self._line = line
         self.future: Future[None] | None = None
         self._engine = engine
         self._key = key
         self._worker: str | None = None
         self._absent = 0
-        self._told: list[dict[str, Any]] = []
-        self._code: int | None = None
         self._is_lost = False
         self._has_ended = threading.Event()
 
-    def messages(self) -> list[dict[str, Any]]:
-        count = len(self._told)
-        told, self._told[:count] = self._told[:count], []
-        return told
-
     def exit(self) -> str | None:
         if self._has_ended.is_set():
-            return LOST if self._code is None else in_words(self._code)
+            return self._end or LOST
         if self._is_lost or not self._engine.has_line(self._line):
             return LOST
         status = None if self.future is None else self.future.status
@@ -222,11 +215,7 @@ class _DaskRunning(AbstractRunning):
 
     def hear(self, told: dict[str, Any]) -> None:
         self._worker = told["worker"]
-        for message in told["messages"]:
-            if "exit" in message:
-                self._code = message["exit"]
-            else:
-                self._told.append(message)
+        self._take(told["messages"])
         if told["has_ended"]:
             self._has_ended.set()
 

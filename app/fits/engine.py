@@ -11,6 +11,7 @@ import abc
 import dataclasses
 import os
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from app.fits.job import LOG, FitJob
 from app.fork_server.client import ForkServer, Task
 from identification.threads import cores
 
-__all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine", "in_words"]
+__all__ = ["LOST", "AbstractEngine", "AbstractRunning", "LocalEngine"]
 
 LOST = "the end of its engine"
 """Outcome of a job whose engine ended; it does not count against the fit."""
@@ -29,11 +30,17 @@ _LONGEST_LOG = 4_000
 class AbstractRunning(abc.ABC):
     """A job that was started."""
 
-    job: FitJob
+    def __init__(self, job: FitJob) -> None:
+        self.job = job
+        self._told: list[dict[str, Any]] = []
+        self._end: str | None = None
 
-    @abc.abstractmethod
     def messages(self) -> list[dict[str, Any]]:
         """Messages of the job since the last call, oldest first."""
+        # Another thread may append meanwhile.
+        count = len(self._told)
+        told, self._told[:count] = self._told[:count], []
+        return told
 
     @abc.abstractmethod
     def exit(self) -> str | None:
@@ -42,6 +49,14 @@ class AbstractRunning(abc.ABC):
     @abc.abstractmethod
     def kill(self) -> None:
         """Kill the job; return when it has ended."""
+
+    def _take(self, messages: Sequence[dict[str, Any]]) -> None:
+        """Keep messages of the process, and how it has ended."""
+        for message in messages:
+            if "exit" in message:
+                self._end = _in_words(message["exit"])
+            else:
+                self._told.append(message)
 
     def log_tail(self) -> str:
         """End of the log that the process of the job has written."""
@@ -115,32 +130,22 @@ class LocalEngine(AbstractEngine):
 
 class _LocalRunning(AbstractRunning):
     def __init__(self, job: FitJob, task: Task) -> None:
-        self.job = job
+        super().__init__(job)
         self._task = task
-        self._told: list[dict[str, Any]] = []
-        self._end: str | None = None
 
     def messages(self) -> list[dict[str, Any]]:
-        self._hear()
-        told, self._told = self._told, []
-        return told
+        self._take(self._task.messages())
+        return super().messages()
 
     def exit(self) -> str | None:
-        self._hear()
+        self._take(self._task.messages())
         return self._end or (LOST if self._task.has_ended else None)
 
     def kill(self) -> None:
         self._task.kill()
 
-    def _hear(self) -> None:
-        for message in self._task.messages():
-            if "exit" in message:
-                self._end = in_words(message["exit"])
-            else:
-                self._told.append(message)
 
-
-def in_words(code: int) -> str:
+def _in_words(code: int) -> str:
     """Describe how a process ended; a negative code is the number of the signal that ended it."""
     if code >= 0:
         return f"exit status {code}"
