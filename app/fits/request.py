@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 import time
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -89,14 +89,18 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
     hashes = _hashes(
         session, caller.workspace, [run_id for run_id in named if is_id("run", run_id)]
     )
-    if missing := named - hashes.keys():
-        raise _not_found(missing, requests)
     for position, request in enumerate(requests):
+        place = f"motors.{position} ({request.motor or 'no name'}): " if len(requests) > 1 else ""
+        for run_id in (*request.training, *request.validation):
+            if run_id not in hashes:
+                raise NotFound(
+                    f"{place}there is no run {run_id[:60]!r}; GET /api/v1/runs lists them"
+                )
         fitted = {hashes[run_id]: run_id for run_id in request.training}
         for run_id in request.validation:
             if hashes[run_id] in fitted:
                 raise FieldRefused(
-                    f"{_place(position, requests)}validation: {run_id} has the same bytes as "
+                    f"{place}validation: {run_id} has the same bytes as "
                     f"{fitted[hashes[run_id]]} in training; use runs that are not fitted",
                     "validation",
                 )
@@ -113,24 +117,6 @@ def _hashes(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[st
         rows = session.execute(query.with_for_update(read=True))
         found.update((run_id, sha256) for run_id, sha256 in rows)
     return found
-
-
-def _not_found(missing: Set[str], requests: Sequence[FitRequest]) -> NotFound:
-    """Build the error for the first missing run."""
-    position, run_id = next(
-        (position, run_id)
-        for position, request in enumerate(requests)
-        for run_id in (*request.training, *request.validation)
-        if run_id in missing
-    )
-    place = _place(position, requests)
-    return NotFound(f"{place}there is no run {run_id[:60]!r}; GET /api/v1/runs lists them")
-
-
-def _place(position: int, requests: Sequence[FitRequest]) -> str:
-    """Prefix of a message that identifies one of several requests."""
-    motor = requests[position].motor or "no name"
-    return f"motors.{position} ({motor}): " if len(requests) > 1 else ""
 
 
 def checked_key(key: str | None) -> str | None:
