@@ -42,11 +42,7 @@ def corrupt(reason: str) -> sqlite3.DatabaseError:
 
 
 def check_present(file: Path, stored: int) -> None:
-    """Reject a missing or empty database if `stored` runs and fits still have files.
-
-    Raises:
-        DamagedDatabase: The file is missing or empty, and `stored` is not 0.
-    """
+    """Raise `DamagedDatabase` for a missing or empty file if `stored` runs and fits have files."""
     is_empty = not file.exists() or (file.is_file() and file.stat().st_size == 0)
     if is_empty and stored:
         state = "is empty" if file.exists() else "is missing"

@@ -31,11 +31,7 @@ _NAME = re.compile(r"[0-9a-f]{16}")
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Open a regular file for reading.
-
-    Raises:
-        OSError: The file is missing, unreadable or not a regular file.
-    """
+    """Open a file for reading; raise `OSError` for one that is not a regular file, too."""
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     mode = os.fstat(handle).st_mode
     if not stat.S_ISREG(mode):

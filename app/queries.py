@@ -119,11 +119,7 @@ def cursor_of(rows: Sequence[RunRow | PendingRow | FitRow | BatchRow], limit: in
 
 
 def position_of(cursor: str | None) -> tuple[float, str] | None:
-    """Creation time and id encoded in a cursor.
-
-    Raises:
-        FieldRefused: The cursor was not issued by this service.
-    """
+    """Creation time and id in a cursor; raise `FieldRefused` if this service has not issued it."""
     if cursor is None:
         return None
     try:

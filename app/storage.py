@@ -215,11 +215,7 @@ class Storage:
 
 @contextmanager
 def refused_when_full(what: str) -> Iterator[None]:
-    """Convert operating system errors for a full disk, on storing `what`, into `StorageFull`.
-
-    Raises:
-        StorageFull: No space is left.
-    """
+    """Convert operating system errors for a full disk, on storing `what`, into `StorageFull`."""
     try:
         yield
     except OSError as error:

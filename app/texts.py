@@ -30,11 +30,7 @@ _LONGEST = 1000
 
 
 def check_text(field: str, text: str, longest: int = _LONGEST) -> None:
-    """Reject a text of a field that is too long [characters] or not printable.
-
-    Raises:
-        FieldRefused: The text is not accepted.
-    """
+    """Raise `FieldRefused` for a text of a field that is too long [characters] or not printable."""
     if len(text) > longest or not text.isprintable():
         is_long = len(text) > longest
         found = f"{len(text)} characters" if is_long else "an unprintable character"

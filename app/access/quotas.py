@@ -32,12 +32,7 @@ class Quotas:
     """Number of fits that have not started."""
 
     def check_run(self, session: Session, workspace: str, size: int) -> None:
-        """Reject a run, pending or not, that would exceed a quota.
-
-        Raises:
-            BytesQuota: The run files would exceed the quota of bytes.
-            RunsQuota: The quota of runs is reached.
-        """
+        """Raise `BytesQuota` or `RunsQuota` for a run that would exceed a quota, pending or not."""
         if not self.stored_bytes and not self.runs:
             return
         _hold(session, workspace)
@@ -59,12 +54,7 @@ class Quotas:
             )
 
     def check_fits(self, session: Session, workspace: str, number: int) -> None:
-        """Reject fits that would exceed the quota of waiting fits.
-
-        Raises:
-            WaitingQuota: The waiting fits would exceed the quota.
-            BatchQuota: The new fits alone exceed the quota.
-        """
+        """Raise `WaitingQuota` for fits that would exceed the quota, `BatchQuota` if alone."""
         if not self.waiting_fits:
             return
         if number > self.waiting_fits:

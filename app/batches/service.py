@@ -166,11 +166,7 @@ class BatchService:
         return batch, rows_of(refits)
 
     def table(self, caller: Caller, batch_id: str, kind: Literal["csv", "parquet"]) -> bytes:
-        """Results table of a batch as a file.
-
-        Raises:
-            NotAcceptable: This installation cannot write Parquet.
-        """
+        """Results table of a batch as a file; raise `NotAcceptable` if Parquet is not installed."""
         _, rows = self.rows(caller, batch_id)
         if kind == "csv":
             return csv_text(rows).encode()

@@ -221,11 +221,7 @@ def run_names(files: Sequence[Path]) -> list[str]:
 
 
 def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Path]) -> None:
-    """Reject mapping entries for files that are not among the runs, such as misspelt names.
-
-    Raises:
-        OptionError: An entry refers to a file that is not read.
-    """
+    """Raise `OptionError` for a mapping entry of a file that is not read, as if misspelt."""
     from identification.ingest.mapping import FILES
 
     mapped = (mapping or {}).get(FILES)

@@ -69,11 +69,7 @@ def check(
 
 
 def _check_replaceable(path: Path) -> None:
-    """Refuse to replace a file that is no mapping, such as a run.
-
-    Raises:
-        OptionError: The file exists and is no mapping.
-    """
+    """Raise `OptionError` for an existing file that is no mapping, such as a run."""
     from identification.ingest import read_mapping
 
     if not path.exists() or path.is_dir():

@@ -120,11 +120,7 @@ def _hashes(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[st
 
 
 def checked_key(key: str | None) -> str | None:
-    """Return an Idempotency-Key if it is valid.
-
-    Raises:
-        FieldRefused: The key is empty, too long or contains other than visible ASCII characters.
-    """
+    """Return an Idempotency-Key; raise `FieldRefused` unless it is visible ASCII characters."""
     if key is not None and not _KEY.fullmatch(key):
         raise FieldRefused(
             "Idempotency-Key: expected 1 to 255 visible ASCII characters", "Idempotency-Key"

@@ -115,11 +115,7 @@ class _Connection(H11Protocol):
 
 
 def check_crowd(scope: Scope) -> None:
-    """Reject a request on a connection opened when descriptors were scarce, except health checks.
-
-    Raises:
-        Unavailable: The connection is marked as crowded.
-    """
+    """Raise `Unavailable` on a connection opened when descriptors were scarce; health passes."""
     if scope.get("state", {}).get("is_crowded") and scope["path"] not in HEALTH_PATHS:
         raise Unavailable("too many connections are open; try again in some seconds")
 

@@ -42,12 +42,7 @@ class OpenFileResponse(FileResponse):
         self._file = file
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send the file.
-
-        Raises:
-            BadRequest: The Range header is malformed.
-            RangeOutside: The Range header asks for bytes outside the file.
-        """
+        """Send the file; raise `BadRequest` or `RangeOutside` for a Range header at fault."""
         with self._file:
             await super().__call__(scope, receive, _refusing(send))
 

@@ -133,11 +133,7 @@ async def received(
 
 
 async def _blocks(request: Request, idle_s: float, whole_s: float) -> AsyncGenerator[bytes]:
-    """Body of the request in blocks of at least 256 KiB, except the last.
-
-    Raises:
-        BodyTooSlow: One of the two times is exceeded.
-    """
+    """Body of the request in blocks of at least 256 KiB, except the last; `BodyTooSlow` if late."""
     deadline = anyio.current_time() + whole_s
     held = bytearray()
     stream = request.stream().__aiter__()

@@ -105,11 +105,7 @@ class ReadingQueue:
         self._mean_s = 0.1
 
     def check(self) -> None:
-        """Refuse another upload if the queue is full.
-
-        Raises:
-            TooManyUploads: The queue is full.
-        """
+        """Raise `TooManyUploads` if the queue is full."""
         waiting = self._limiter.statistics().tasks_waiting
         if self._limiter.available_tokens >= 1 or waiting < self._most_waiting:
             return

@@ -155,11 +155,7 @@ class RunService:
             return queries.known(session, RunRow, caller.workspace, run_id)
 
     def delete(self, caller: Caller, run_id: str) -> None:
-        """Delete a run and its file.
-
-        Raises:
-            RunInUse: An unfinished fit needs the run.
-        """
+        """Delete a run and its file; raise `RunInUse` while an unfinished fit needs it."""
         with self._database.writing() as session:
             row = queries.known(session, RunRow, caller.workspace, run_id, lock=True)
             unfinished = (

@@ -197,11 +197,7 @@ class _Batch:
 
 @contextmanager
 def _alone_in(out: Path) -> Iterator[None]:
-    """Hold an exclusive lock on the output directory.
-
-    Raises:
-        OptionError: Another batch holds the lock.
-    """
+    """Hold an exclusive lock on the output directory; raise `OptionError` if another batch does."""
     with (out / ".lock").open("ab") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
