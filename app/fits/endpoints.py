@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
 from anyio import to_thread
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import APIRouter, Depends, Header, Query, Response
 from fastapi import Path as FormPath
 from fastapi.responses import FileResponse, StreamingResponse
 
-from app.fits.events import EventStream, has_heard_the_end, last_version, stream
+from app.fits.events import has_heard_the_end, last_version, stream
 from app.fits.exports import EXPORTS
 from app.fits.schemas import FitCreate, FitList, FitOut, FitSummary, Status
+from app.fits.watcher import Listener
 from app.http.dependencies import (
     JSON_CALL,
     After,
@@ -85,6 +86,15 @@ def show_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut:
     return FitOut.of(services.fits.get(caller, fit_id))
 
 
+async def _listener(
+    fit_id: str, services: ServicesDep, caller: CallerDep
+) -> AsyncIterator[Listener]:
+    """Subscription to a fit, which counts as open until the response has been sent."""
+    row = await to_thread.run_sync(services.fits.row, caller, fit_id)
+    with services.watcher.listen(row, caller.key_id) as listener:
+        yield listener
+
+
 @router.get(
     "/{fit_id}/events",
     summary="Follow a fit",
@@ -92,26 +102,24 @@ def show_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut:
     responses=_EVENTS | responses(404),
 )
 async def follow_fit(
-    fit_id: str,
+    listener: Annotated[Listener, Depends(_listener)],
     services: ServicesDep,
-    caller: CallerDep,
     last_event_id: Annotated[
         str | None, Header(description="Version of the last event received; browsers send it.")
     ] = None,
 ) -> Response:
     """Stream status and progress as Server-Sent Events; the stream closes when the fit ends."""
     version = last_version(last_event_id)
-    row = await to_thread.run_sync(services.fits.row, caller, fit_id)
-    if version and has_heard_the_end(row, version):
+    if version and has_heard_the_end(listener.look(), version):
         return Response(status_code=204)
-
-    events = partial(
-        stream,
+    events = stream(
+        listener,
         version=version,
         keep_alive_s=services.settings.keep_alive_s,
         is_stopping=services.stopping.is_set,
     )
-    return EventStream(services.watcher.listen(row, caller.key_id), events)
+    headers = {"X-Accel-Buffering": "no"}
+    return StreamingResponse(events, media_type="text/event-stream", headers=headers)
 
 
 @router.delete(

@@ -17,17 +17,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractContextManager
-
-from starlette.responses import StreamingResponse
-from starlette.types import Receive, Scope, Send
 
 from app.fits.repository import ENDED
 from app.fits.schemas import FitEvent
 from app.fits.watcher import Listener
 from app.tables import FitRow
 
-__all__ = ["EventStream", "has_heard_the_end", "last_version", "stream"]
+__all__ = ["has_heard_the_end", "last_version", "stream"]
 
 _LONGEST_WAIT_S = 1.0
 """Interval at which an idle stream checks whether the service is stopping [s]."""
@@ -40,31 +36,9 @@ def last_version(header: str | None) -> int:
     return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
 
 
-def has_heard_the_end(row: FitRow, version: int) -> bool:
+def has_heard_the_end(row: FitRow | None, version: int) -> bool:
     """Return True if a reconnecting client has already received the final state."""
-    return row.status in ENDED and version >= row.version
-
-
-class EventStream(StreamingResponse):
-    """Response that streams the events of a fit; it counts as open until it has been sent.
-
-    `events` gives the events to the listener of that subscription.
-    """
-
-    def __init__(
-        self,
-        listening: AbstractContextManager[Listener],
-        events: Callable[[Listener], AsyncIterator[str]],
-    ) -> None:
-        super().__init__((), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
-        self._listening = listening
-        self._events = events
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send events until the stream ends or the client disconnects."""
-        with self._listening as listener:
-            self.body_iterator = self._events(listener)
-            await super().__call__(scope, receive, send)
+    return row is not None and row.status in ENDED and version >= row.version
 
 
 async def stream(
