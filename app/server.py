@@ -8,8 +8,6 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import FrameType
 
 import uvicorn
@@ -45,19 +43,6 @@ class _Server(uvicorn.Server):
         self.services.stopping.set()
         super().handle_exit(sig, frame)
 
-    @contextmanager
-    def stopped_by_hangup(self) -> Iterator[None]:
-        """Stop at SIGHUP as at SIGTERM while the block runs, unless it is ignored (nohup)."""
-        before = signal.getsignal(signal.SIGHUP)
-        if before is signal.SIG_IGN:
-            yield
-            return
-        signal.signal(signal.SIGHUP, self.handle_exit)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGHUP, before)
-
 
 def serve(settings: Settings, listening: socket.socket) -> None:
     """Serve on a bound socket until SIGTERM, SIGINT or SIGHUP; running fits wait for a new start.
@@ -90,9 +75,10 @@ def serve(settings: Settings, listening: socket.socket) -> None:
         )
     )
     server.services = services
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup sets it
+        signal.signal(signal.SIGHUP, server.handle_exit)
     try:
-        with server.stopped_by_hangup():
-            server.run(sockets=[listening])
+        server.run(sockets=[listening])
     finally:
         if server.told_at is not None:
             seconds = round(time.monotonic() - server.told_at, 3)
