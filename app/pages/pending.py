@@ -19,15 +19,16 @@ from app.pages.forms import number, texts_of
 from app.pages.rendering import Page
 from app.pages.views import duration, located, span
 from app.runs.endpoints import received
+from app.runs.upload import LONGEST_FIELD
 from app.tables import PendingRow
 
 __all__ = ["finding_view", "pending_list_view", "pending_view", "router"]
 
 router = APIRouter(prefix=PENDING_PATH, include_in_schema=False)
 
-_FIELDS = {"motor": 10_000, "bench": 10_000}
+_FIELDS = {"motor": LONGEST_FIELD, "bench": LONGEST_FIELD}
 
-Label = Annotated[str, Form(max_length=10_000)]
+Label = Annotated[str, Form(max_length=LONGEST_FIELD)]
 
 _CHANNELS: Final = {
     "time_s": "Time",

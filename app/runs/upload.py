@@ -24,9 +24,10 @@ from app.storage import refused_when_full
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
 
-__all__ = ["FIELDS", "Upload", "UploadForm", "boundary_of", "label"]
+__all__ = ["FIELDS", "LONGEST_FIELD", "Upload", "UploadForm", "boundary_of", "label"]
 
-FIELDS: Final = {"motor": 10_000, "mapping": 10_000}
+LONGEST_FIELD: Final = 10_000
+FIELDS: Final = {"motor": LONGEST_FIELD, "mapping": LONGEST_FIELD}
 """Form fields in addition to `file`, with the maximum size of each [bytes].
 
 A mapping has one entry for each of six channels; a fit takes 400 runs with one mapping each.
