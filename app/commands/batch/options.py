@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from identification.errors import InputError
 from identification.numerals import decimal_of, whole_of
@@ -51,7 +51,6 @@ class Place:
 class _Option(NamedTuple):
     expected: str
     of_word: Callable[[str], object]
-    accepted: TypeAdapter[Any]
 
 
 def option_of(name: str, word: str, place: Place) -> object:
@@ -85,44 +84,38 @@ def options_with(defaults: FitOptions, given: Mapping[Any, Any], place: Place) -
 
 def _checked(name: str, value: object, place: Place) -> object:
     """Check the type of a value; convert lists to tuples, and integers to floats where needed."""
-    option = _OPTIONS[name]
+    given = tuple(value) if isinstance(value, list) else value
     try:
-        found: object = option.accepted.validate_python(value, strict=True)
-    except ValidationError:
+        if given == () and name in _NEEDED:
+            raise ValueError
+        found: object = _TYPES[name].validate_python(given, strict=True)
+    except ValueError:
         raise place.at(name).wrong(
-            f"{str(value)[:60]!r} is not valid; expected {option.expected}"
+            f"{str(value)[:60]!r} is not valid; expected {_OPTIONS[name].expected}"
         ) from None
-    return tuple(found) if isinstance(found, list) else found
+    return found
 
 
 def _parts(word: str) -> list[str]:
     return [part.strip() for part in word.split(";") if part.strip()]
 
 
-_FLAG = _Option("true or false", lambda word: _TRUTH[word.lower()], TypeAdapter(bool))
+_FLAG = _Option("true or false", lambda word: _TRUTH[word.lower()])
 _OPTIONS = {
-    "seed": _Option("an integer", whole_of, TypeAdapter(int)),
+    "seed": _Option("an integer", whole_of),
     "posterior": _FLAG,
     "effects": _FLAG,
-    "hold": _Option("auto, zoh or foh", str, TypeAdapter(str)),
-    "effort": _Option("quick, normal or thorough", str, TypeAdapter(str)),
-    "time_limit": _Option("a positive number of seconds", decimal_of, TypeAdapter(float)),
+    "hold": _Option("auto, zoh or foh", str),
+    "effort": _Option("quick, normal or thorough", str),
+    "time_limit": _Option("a positive number of seconds", decimal_of),
     "temperatures": _Option(
-        "temperatures in degC",
-        lambda word: [decimal_of(part) for part in _parts(word)],
-        TypeAdapter(Annotated[list[float], Field(min_length=1)]),
+        "temperatures in degC", lambda word: [decimal_of(part) for part in _parts(word)]
     ),
-    "controllers": _Option(
-        "controllers such as P:1 or PI:2,0.5",
-        _parts,
-        TypeAdapter(Annotated[list[str], Field(min_length=1)]),
-    ),
+    "controllers": _Option("controllers such as P:1 or PI:2,0.5", _parts),
     "set_aside": _FLAG,
     "force": _FLAG,
-    "known": _Option(
-        "known values such as Kt25=0.048+-5% or L=2.9e-3", _parts, TypeAdapter(list[str])
-    ),
-    "nameplate": _Option(
-        "nameplate data such as voltage=12;no_load_speed=3000rpm", str, TypeAdapter(str)
-    ),
+    "known": _Option("known values such as Kt25=0.048+-5% or L=2.9e-3", _parts),
+    "nameplate": _Option("nameplate data such as voltage=12;no_load_speed=3000rpm", str),
 }
+_TYPES = {name: TypeAdapter(kind) for name, kind in get_type_hints(FitOptions).items()}
+_NEEDED = ("temperatures", "controllers")
