@@ -49,18 +49,12 @@ class _JsonFormatter(logging.Formatter):
 
 
 def configure_logging(level: str) -> None:
-    """Send the logs of the service and of uvicorn, from a level on, to standard error."""
+    """Send the logs of the service and its libraries, from a level on, to standard error."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_JsonFormatter())
     root = logging.getLogger()
     root.handlers = [handler]
     root.setLevel(level.upper())
-    for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
-        logger = logging.getLogger(name)
-        logger.handlers = []
-        logger.propagate = True
-    # `app.requests` logs each request once, with its id.
-    logging.getLogger("uvicorn.access").disabled = True
     for name in ("alembic", "multipart", "python_multipart", "asyncio"):
         logging.getLogger(name).setLevel(logging.WARNING)
 
