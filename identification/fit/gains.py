@@ -19,6 +19,8 @@ from identification.errors import ComputationError
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import simulate_fitted, simulate_unseen
+from identification.fit.identifiability import identified
+from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.quantities import DECLARED_PARAMETERS
@@ -109,14 +111,17 @@ def with_one_gain(campaign: Campaign, gains: Sequence[GainRatio]) -> Campaign:
 def _alone(records: Sequence[Record], declared: Fit) -> tuple[Array, float] | None:
     """Ra25, Kt25 and J of one run fitted alone, and their largest relative standard deviation.
 
-    None if that fit fails.
+    None if that fit fails, or if the run does not determine all three: a current of nothing but
+    noise, as of a motor that coasts with open terminals, fits any gain below one.
     """
     try:
         fit = fit_declared(records, declared.simulator.model.hold)
     except ComputationError:
         return None
-    chosen = [list(DECLARED_PARAMETERS).index(name) for name in ("Ra25", "Kt25", "J")]
+    names = ("Ra25", "Kt25", "J")
+    chosen = [list(DECLARED_PARAMETERS).index(name) for name in names]
     values = fit.values[chosen]
-    if not (fit.converged and np.all(values > 0)):
+    determined = identified(fit, effective_fraction(fit))
+    if not (fit.converged and np.all(values > 0) and all(determined[name] for name in names)):
         return None
     return values, float(np.max(fit.deviations[chosen] / values))

@@ -55,6 +55,27 @@ def test_another_resistance_or_inertia_is_no_gain(changed: str) -> None:
     assert gains([driven(SERVO)], [driven(other, seed=2)]) == ()
 
 
+@pytest.mark.parametrize("first", [300.0, -150.0])
+def test_a_coast_down_with_open_terminals_has_no_gain(first: float) -> None:
+    """Without current the voltage is the back-EMF Kt w, and J dw/dt = -b w - T sgn w.
+
+    The run fits any motor with a large resistance and a small inertia of the same b / J.
+    """
+    _, _, constant, change, inertia, friction, _ = SERVO.values
+    dry = 0.02 / friction
+    run = driven(SERVO, seed=2)
+    noise = 0.02 * np.random.default_rng(3).standard_normal((3, run.rows))
+    falling = (abs(first) + dry) * np.exp(-friction / inertia * run.time) - dry
+    speed = np.copysign(np.maximum(falling, 0.0), first)
+    assert run.temperature is not None
+    kt = constant * (1.0 + change * (run.temperature - 25.0))
+    coasting = replace(
+        run, voltage=kt * speed + noise[0], current=noise[1], speed=speed + 10.0 * noise[2]
+    )
+
+    assert gains([driven(SERVO), coasting], []) == ()
+
+
 def test_all_runs_are_scaled_to_the_gain_of_the_first() -> None:
     """The fit to the scaled runs has the parameters of the motor in the first run."""
     made = campaign_of([driven(SERVO), driven(SERVO, 0.5, seed=2)], [])
