@@ -75,22 +75,15 @@ def candidates_of(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
 def without_shared(scores: Sequence[Score]) -> list[Score]:
     """Drop local effects whose predicted gain the other runs share.
 
-    An event in one run has a large predicted gain in that run and none in the others.  Any other
-    model error has about the same gain in every run, so the other runs serve as the control: the
-    gain per affected run has to be at least four times the median of the others.
+    Given an event in one run, the same effect in the other runs gains nothing.  Any other model
+    error has about the same gain in every run, so the other runs serve as the control: the gain per
+    affected run has to be at least four times the median of theirs.  What they gain without the
+    event says nothing, because the parameters of the current model have absorbed a part of it: with
+    a changed inertia in one run, J is wrong in all of them.
     """
-    predicted: dict[str, dict[int, float]] = {}
-    for score in scores:
-        concerned = score.candidate.term.runs
-        if len(concerned) == 1:
-            runs = predicted.setdefault(score.candidate.term.name, {})
-            runs[concerned[0]] = max(runs.get(concerned[0], 0.0), score.gain)
-    kept = []
-    for score in scores:
-        concerned = score.candidate.term.runs
-        runs = predicted.get(score.candidate.term.name, {}) if concerned else {}
-        control = [gain for run, gain in runs.items() if run not in concerned]
-        each = score.gain / max(len(concerned), 1)
-        if not control or each >= _COMMON * float(np.median(control)):
-            kept.append(score)
-    return kept
+    return [
+        score
+        for score in scores
+        if score.control is None
+        or score.gain >= _COMMON * score.control * len(score.candidate.term.runs)
+    ]

@@ -28,6 +28,8 @@ __all__ = ["Projection", "Residual", "gain_of"]
 
 _PASSES: Final = 6.0
 """Memory passes of a product over each deviation, for the operation count."""
+_COLLINEAR: Final = 1e-8
+"""Fraction of a deviation's square that remains of a deviation that is collinear with others."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,27 @@ class Projection:
         """Gain of all lanes together and their optimal amplitudes; see `gain_of`."""
         return gain_of(self.products, self.onto_residual)
 
+    def conditional_gains(self, chosen: Sequence[int]) -> Array:
+        """(n_lane,) gain of each lane, at its amplitude given the sum of the `chosen` lanes.
+
+        The amplitudes of the lane and of that sum are fitted together; the gain is that of a lane
+        of this amplitude alone.  It is small if the chosen lanes explain what the lane explains
+        without them.  A lane that is collinear with their sum keeps its own amplitude, because no
+        data separate the two.
+        """
+        size, shared = np.diag(self.products), self.products[:, chosen].sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = shared / shared[chosen].sum()
+            left = size - shared * share
+            is_separable = left > _COLLINEAR * size
+            left = np.where(is_separable, left, size)
+            right = self.onto_residual - share * self.onto_residual[chosen].sum()
+            right = np.where(is_separable, right, self.onto_residual)
+            return np.asarray(0.5 * size * (right / left) ** 2)
+
     def covariance(self) -> Array:
         """(n_lane, n_lane) covariance of the amplitudes."""
-        return np.asarray(np.linalg.pinv(self.products, rcond=1e-8, hermitian=True))
+        return np.asarray(np.linalg.pinv(self.products, rcond=_COLLINEAR, hermitian=True))
 
 
 def gain_of(square: Array, right: Array) -> tuple[float, Array]:
@@ -66,7 +86,7 @@ def gain_of(square: Array, right: Array) -> tuple[float, Array]:
     if not (size > 0).all():
         return np.nan, right
     scaled = square / np.outer(size, size)
-    weights = least_squares(scaled, right / size, 1e-8) / size
+    weights = least_squares(scaled, right / size, _COLLINEAR) / size
     return 0.5 * float(weights @ right), weights
 
 

@@ -43,6 +43,9 @@ class Score:
     """First-order change of the fitted parameters and states; None if they are held."""
     others: tuple[Start, ...] = ()
     """Starting points of the same structure with a smaller predicted gain."""
+    control: float | None = None
+    """Median over the other runs of the gain of the same effect there, given this one; None if it
+    is not restricted to runs, or if there are no others."""
 
     @property
     def structure(self) -> tuple[str, str]:

@@ -177,14 +177,29 @@ def _scores_by_run(
     projection = residual.project(separate, lanes * len(runs))
     scores: list[Score] = []
     for number, run in enumerate(runs):
-        own = slice(lanes * number, lanes * (number + 1))
-        scores += _scores_from(candidate.in_runs(run), projection.of(own))
+        for lane in range(lanes):
+            own = slice(lanes * number + lane, lanes * number + lane + 1)
+            single = replace(candidate, starts=candidate.starts[:, lane : lane + 1])
+            scores += [
+                replace(score, control=_control(projection, [number], lane, lanes))
+                for score in _scores_from(single.in_runs(run), projection.of(own))
+            ]
     for lane in range(lanes if candidate.term.recurs else 0):
         recurrence = projection.of(slice(lane, None, lanes))
-        scores += recurring(
+        for score in recurring(
             candidate, lane, recurrence.onto_residual, recurrence.products, recurrence.along, runs
-        )
+        ):
+            chosen = [runs.index(run) for run in score.candidate.term.runs]
+            scores.append(replace(score, control=_control(projection, chosen, lane, lanes)))
     return scores
+
+
+def _control(projection: Projection, numbers: Sequence[int], lane: int, lanes: int) -> float | None:
+    """Median over the other runs of their largest gain, given one start in the numbered runs."""
+    gains = projection.conditional_gains([lanes * number + lane for number in numbers])
+    others = np.delete(gains.reshape(-1, lanes), numbers, axis=0)
+    best = np.max(others, axis=1, initial=0.0, where=np.isfinite(others))
+    return float(np.median(best)) if best.size else None
 
 
 def _separated(deviations: Sequence[Array], numbers: Sequence[int], stride: int) -> Iterator[Array]:

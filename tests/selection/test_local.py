@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from identification import FitOptions, identify
 from identification.effects.effect import AbstractEffect
-from identification.effects.load import LoadStep
+from identification.effects.load import InertiaChange, LoadStep
+from identification.fit.declared import fit_declared
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
 from identification.model.composite import MotorModel
@@ -19,6 +21,10 @@ from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
 from identification.prediction import predict
 from identification.result.simulation_errors import worse_warnings
+from identification.selection.candidates import scales_of, without_shared
+from identification.selection.projection import Projection
+from identification.selection.screen import screened
+from identification.selection.start import Along
 from identification.speed_loop.closed_loop import acting_terms
 from identification.surrogates.curve import HEIGHTS
 from identification.surrogates.curves import MissingTorque
@@ -78,6 +84,48 @@ def test_a_load_that_recurs_at_a_time_is_of_those_runs_and_of_no_other() -> None
     predicted = predict(result, runs[3])
     error = predicted["speed_rad_s"] - runs[3].speed
     assert np.sqrt(np.mean(error**2)) < 0.012 * runs[3].speed.std()
+
+
+def test_a_changed_inertia_in_the_longest_run_is_of_that_run() -> None:
+    """Run 2 of three has 1.9 times the inertia and five times the samples of the others.
+
+    The fitted J is nearly that of run 2, so a change of run 1 or 3 gains much as well: the median
+    of the two is about half of the gain of run 2.
+    """
+    values = (*MOTOR.values[:4], 1.9 * MOTOR.values[4], *MOTOR.values[5:])
+    disc = replace(MOTOR, values=values)
+    first, last = campaign(MOTOR, seed=7, runs=2, rows=400)
+    (middle,) = campaign(disc, seed=9, runs=1, rows=2000)
+    fit = fit_declared(records_of([first, middle, last]), "zoh")
+
+    scores = screened(fit, InertiaChange.candidates(scales_of(fit)))
+
+    best = {s.candidate.term.runs: s.gain for s in reversed(scores) if s.candidate.term.runs}
+    assert np.median([best[(0,)], best[(2,)]]) > best[(1,)] / 4
+    assert {s.candidate.term.runs for s in without_shared(scores)} == {(1,)}
+
+
+def test_given_the_true_change_other_runs_gain_nothing() -> None:
+    """Closed form: a coefficient x of runs with information I_k, its common value fitted.
+
+    A change d in run 1 leaves I_k (d_k1 - I_1 / I) d, with sum I, and the deviations of runs have
+    the inner products I_k d_kl - I_k I_l / I.  Given run 1, the others gain nothing; given a change
+    of run 0, run 1 keeps its amplitude d and so its whole gain.  Changes of one of two runs are
+    collinear.
+    """
+    information, change = np.array([1.0, 20.0, 2.0]), 3.0
+    products = np.diag(information) - np.outer(information, information) / information.sum()
+    along = Along(np.zeros((0, 3)), ())
+    projection = Projection(products[:, 1] * change, products, along)
+
+    np.testing.assert_allclose(projection.conditional_gains([1])[[0, 2]], 0.0, atol=1e-12)
+    alone = 0.5 * products[1, 1] * change**2
+    assert projection.conditional_gains([0])[1] == pytest.approx(alone)
+
+    two = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    pair = Projection(change * two[:, 1], two, Along(np.zeros((0, 2)), ()))
+    np.testing.assert_allclose(pair.conditional_gains([0]), pair.conditional_gains([1]))
+    assert pair.conditional_gains([0])[1] == pytest.approx(0.5 * change**2)
 
 
 @pytest.mark.parametrize(
