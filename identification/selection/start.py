@@ -22,6 +22,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.effects.effect import Candidate
+from identification.fit.initial import fitted_initial_states
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.parameter import Coordinates
@@ -102,6 +103,11 @@ def begun(
     values = coordinates.values(position)
     simulator = fit.simulator.changed_to(model, values)
     if not starts:
+        if model.advance < fit.simulator.model.advance:
+            begin = fitted_initial_states(
+                simulator, values, weighting.deviation, start=tuple(states)
+            )
+            return simulator, position, list(begin)
         return simulator, position, states
     # Too few substeps make a stiff start diverge, and it could not be compared with the others.
     simulator = simulator.roughly_accurate(values, states, weighting.deviation)
@@ -207,7 +213,13 @@ def _following(fit: Fit, model: MotorModel, coordinates: Coordinates, along: Alo
 
 
 def _states(fit: Fit, model: MotorModel, k: int) -> Array:
-    """Initial state of record `k` of a changed model: fitted values, defaults for new states."""
+    """Initial state of record `k` of a changed model: fitted values, defaults for new states.
+
+    With a delayed voltage, the simulation begins at the later sample whose voltage it reads, and so
+    the fitted current and speed are not those at the first sample.
+    """
     known = dict(zip(fit.simulator.model.state_names, fit.states[k], strict=True))
+    if model.advance < fit.simulator.model.advance:
+        del known["current"], known["speed"]
     fresh = zip(model.state_names, initial_states(model, fit.simulator.records[k]), strict=True)
     return np.array([known.get(name, value) for name, value in fresh])

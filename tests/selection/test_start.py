@@ -21,7 +21,7 @@ from identification.model.parameter import Coordinates
 from identification.model.weighting import Weighting
 from identification.selection.candidates import scales_of
 from identification.selection.policy import SelectionPolicy
-from identification.selection.refit import refitted_as, refitted_with, swapped
+from identification.selection.refit import refitted_as, refitted_with, refitted_without, swapped
 from identification.selection.score import sized
 from identification.selection.screen import screened
 from identification.selection.start import Start, begun, has_odd_coefficients, traded
@@ -213,6 +213,22 @@ def test_an_inductance_returns_to_its_value_when_the_filter_is_added() -> None:
     assert np.all(fit.weighting.deviation < 1.3 * np.array(noise))
     assert fit.values[at] == pytest.approx(truth, rel=0.05)
     assert without.values[at] > 2.0 * truth
+
+
+def test_a_delay_of_zero_is_removed_without_a_rise_of_the_cost() -> None:
+    """Runs that start under full voltage, with current and speed far from those 8 samples later.
+
+    A voltage delay of zero is the nominal model.  It costs the same except for the edge samples of
+    the delay, before any step of the optimiser.
+    """
+    runs = campaign("load_torque", 0.0, seed=31).training
+    declared = fit_declared(runs, "zoh")
+    delay = ChannelDelay("voltage", 8, scales_of(declared).interval)
+    late = refitted_with(declared, delay, [Start(np.zeros(1))])
+
+    bare = refitted_without(late, "channel_delay", TerminationLimits(0))
+
+    assert bare.cost < declared.cost + 10.0
 
 
 def test_a_law_that_is_no_candidate_starts_at_its_values_in_a_rival() -> None:
