@@ -8,7 +8,7 @@ nothing.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -117,6 +117,11 @@ class Trials:
                 # Without the term the simulation diverges; restart from the nominal parameters.
                 nominal = current.fit.moved_to(self._evaluated[frozenset()].fit.by_name)
                 fit = refitted_without(nominal, term.name, limits)
+            level = TerminationLimits(abandon_cost=current.fit.cost)
+            if np.isfinite(fit.cost) and not (fit.converged or fit.is_behind(level)):
+                # Undecided: the effect would be judged by the budget and not by the runs.
+                limits = replace(limits, budget=Budget(self.longest))
+                fit = continued(fit, limits)
             known = self.evaluate(
                 refined(fit, limits, self.policy) if np.isfinite(fit.cost) else fit
             )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
+from identification.effects.effect import effects_of
 from identification.fit.declared import fit_declared
 from identification.selection import search
 from identification.selection.candidates import with_predicted_gain
@@ -184,3 +185,18 @@ def test_a_rival_whose_effects_were_accepted_in_another_order_competes_with_its_
         "brush_drop",
         "stribeck_friction",
     ]
+
+
+def test_a_removal_that_is_undecided_is_fitted_after_the_budget_is_spent() -> None:
+    """Coulomb friction is hidden; without the drag its fit reaches the cost of its model alone."""
+    trials, declared, best = frictions()
+    (drag,) = trials.finish_best(declared, trials.refits(declared, [best["quadratic_drag"]]))
+    both = extended(trials, drag, "coulomb_friction")
+    terms = {term.name: term for term in effects_of(both.fit.simulator.model.terms)}
+    ((_, alone),) = Trials(trials.campaign).refits(declared, [best["coulomb_friction"]])
+    trials.budget = Budget(-1.0)
+
+    without_drag = trials.without(both, terms["quadratic_drag"])
+
+    assert without_drag.fit.converged
+    assert without_drag.fit.cost < alone.cost + 1.0
