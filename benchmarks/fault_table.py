@@ -135,6 +135,17 @@ def _twice(tables: Tables, rng: np.random.Generator) -> Tables:
     return [tables[0] if k == _ODD else table for k, table in enumerate(tables)]
 
 
+def _joined(tables: Tables, rng: np.random.Generator) -> Tables:
+    """Cut the second run from its largest speed to one far from it, and close the gap in time."""
+    table = tables[_ODD]
+    speed, half = table["speed_rad_s"].to_numpy(), len(table) // 2
+    first = int(np.argmax(np.abs(speed[:half]))) + 1
+    last = half + int(np.argmax(np.abs(speed[half : half + half // 2] - speed[first - 1])))
+    parts = pd.concat([table[:first], table[last:]], ignore_index=True)
+    parts["time_s"] = table["time_s"].to_numpy()[: len(parts)]
+    return [parts if k == _ODD else other for k, other in enumerate(tables)]
+
+
 def _pieces(tables: Tables, rng: np.random.Generator) -> Tables:
     """Put all training runs into one file, as 40 segments with gaps of at least 1 s."""
     parts, clock = [], 0.0
@@ -207,6 +218,7 @@ FAULTS: Final[tuple[Fault, ...]] = (
     _one("truncated run", lambda t: t.iloc[: len(t) // 10], "warn"),
     *_both("no motion", _motionless, ("warn", "refuse")),
     Fault("40 segments in one file", "one", "warn", _pieces),
+    Fault("two recordings joined", "one", "suspect", _joined),
     _one("saturated current", _saturated, "warn"),
     _one("decimal separator lost", _scaled("current_A", 1e3), "refuse", corrected=True),
     _one("decimal separator lost in speed", _scaled("speed_rad_s", 1e3), "refuse", corrected=True),

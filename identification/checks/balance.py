@@ -69,8 +69,8 @@ class Signals:
     sample."""
 
 
-def signals_of(run: Run) -> Signals:
-    """Signals of a run up to `SAMPLES`; intervals at saturated samples are excluded."""
+def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
+    """Signals of the first samples of a run; intervals at saturated samples are excluded."""
     joined = np.ones(run.time.size - 1, dtype=bool)
     for start, _ in run.segments[1:]:
         joined[start - 1] = False
@@ -78,11 +78,11 @@ def signals_of(run: Run) -> Signals:
         if name in run.clipped:
             joined &= ~(run.clipped[name][1:] | run.clipped[name][:-1])
     return Signals(
-        run.time[:SAMPLES],
-        run.voltage[:SAMPLES],
-        run.current[:SAMPLES],
-        run.speed[:SAMPLES],
-        joined[: SAMPLES - 1],
+        run.time[:samples],
+        run.voltage[:samples],
+        run.current[:samples],
+        run.speed[:samples],
+        joined[: samples - 1],
     )
 
 

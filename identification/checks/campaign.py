@@ -23,6 +23,7 @@ from identification.checks.dead import (
 from identification.checks.finding import Finding
 from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
+from identification.checks.joined import divided, joined_finding, joints_of
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
 from identification.checks.supply import supply_current_findings
@@ -64,6 +65,8 @@ class Verdict:
 def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
+    joints = [(run, joints_of(run)) for run in runs]
+    runs = [divided(run, places) for run, places in joints]
     single = [_single(run, strongest) for run in runs]
     # A channel that is constant in all runs has no sensor; it is not fitted, and a warning says so.
     unmeasured = {
@@ -81,6 +84,7 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     if "" not in odd:
         found += heat_findings(agreeing)
     found += plausibility_findings(runs, agreeing)
+    found += [joined_finding(run, places) for run, places in joints if places]
     order = {"refuse": 0, "suspect": 1}
     return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])))
 
@@ -184,7 +188,7 @@ class Admission:
 
 
 def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOptions) -> Admission:
-    """Check all runs and decide which are fitted.
+    """Check all runs, decide which are fitted, and divide those that are joined recordings.
 
     Raises:
         ContradictoryRuns: Runs contradict physics or each other, and the options do not resolve it;
@@ -202,14 +206,16 @@ def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOpt
         known = {str(f) for f in findings}
         findings = [f for f in findings if f.separable or f in refused]
         findings += [f for f in refused if str(f) not in known]
-    kept_training = tuple(run for run in training if run.name not in left_out)
+    kept_training = tuple(
+        divided(run, joints_of(run)) for run in training if run.name not in left_out
+    )
     if (refused and not options.force) or (left_out and not kept_training):
         raise _refusal([f for f in findings if f.severity == "refuse"], options)
     aside = [(run, "training") for run in training if run.name in left_out]
     aside += [(run, "validation") for run in validation if run.name in left_out]
     return Admission(
         kept_training,
-        tuple(run for run in validation if run.name not in left_out),
+        tuple(divided(run, joints_of(run)) for run in validation if run.name not in left_out),
         tuple(findings),
         tuple(aside),
         forced=bool(refused),

@@ -46,13 +46,16 @@ def jump_findings(run: Run) -> Iterator[Finding]:
     jumps = np.flatnonzero((step > _JUMP_K) & (rate > _JUMP_K_S))
     if jumps.size:
         worst = int(jumps[np.argmax(step[jumps])])
+        cause = "the thermometer has a loose contact"
+        if jumps.size == 1:
+            cause = f"recordings were joined there (then cut the file), or {cause}"
         yield Finding(
             "jumping_temperature",
             "refuse",
             run.name,
             "temperature_degC",
             f"jumps by {step[worst]:.3g} K between two samples at {run.time[worst]:.6g} s "
-            f"(number of jumps: {jumps.size}); probably the thermometer has a loose contact; "
+            f"(number of jumps: {jumps.size}); probably {cause}; "
             "correct the values, or omit the channel",
             "rate [K/s]",
             float(rate[worst]),
