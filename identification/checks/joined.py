@@ -6,8 +6,9 @@ A linear motor under a held or sloped voltage obeys, exactly and at any interval
 
 Recordings are joined between two samples if all of these hold:
 
-- the residual of this regression is an outlier, and the residuals beside it are not: the next
-  sample goes on from the new speed, as it does not after a spike of the sensor;
+- the residual of this regression is an outlier and most of the change of speed, in this interval
+  and together with either neighbour, as it is not at a spike of the sensor;
+- the residuals beside it are no outliers, as they are where backlash ends;
 - J / h times the residual, the unexplained torque, exceeds what the largest current of the run
   makes: a voltage step at an unknown instant within the interval h explains no more;
 - the back-EMF, v - R i - L di/dt, confirms the new speed, as it does not if the sensor fails.
@@ -41,8 +42,11 @@ _DEVIATIONS: Final = 10.0
 """Residual over its standard deviation from which it is an outlier."""
 _TRIMMED: Final = 0.01
 """Fraction of the residuals, the largest, that does not count in the regression."""
-_NEIGHBOUR: Final = 0.5
-"""Largest residual beside a joint, over that of the joint; beside a spike it is about one."""
+_BESIDE: Final = 3.0
+_SHARE: Final = 0.1
+"""Largest residuals beside a joint: over their standard deviation, or over that of the joint."""
+_MOST: Final = 0.5
+"""Largest difference between a change of speed and the residual of a joint, over the latter."""
 _TORQUE: Final = 1.0
 """Least unexplained torque over that of the largest current."""
 _NEAR: Final = 9
@@ -108,8 +112,13 @@ def joints_of(run: Run) -> list[Joint]:
     size = np.abs(residual)
     beside = np.full(size.size, np.inf)
     beside[1:-1] = np.maximum(size[2:], size[:-2])
-    odd = signals.joined & (size > _DEVIATIONS * deviation) & (beside < _NEIGHBOUR * size)
-    places = np.flatnonzero(odd).tolist()
+    is_alone = beside < np.maximum(_BESIDE * deviation, _SHARE * size)
+    is_jump = np.abs(np.diff(run.speed) - residual) < _MOST * size
+    over_two = run.speed[2:] - run.speed[:-2]
+    is_jump[:-1] &= np.abs(over_two - residual[:-1]) < _MOST * size[:-1]
+    is_jump[1:] &= np.abs(over_two - residual[1:]) < _MOST * size[1:]
+    is_odd = signals.joined & (size > _DEVIATIONS * deviation)
+    places = np.flatnonzero(is_odd & is_alone & is_jump).tolist()
     balance = _balance(signals) if places else None
     if balance is None:
         return []
