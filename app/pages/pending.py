@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 
 from anyio import to_thread
 from fastapi import APIRouter, Form, Request, Response
-from fastapi.responses import HTMLResponse, JSONResponse
+from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse
 
 from app.access.service import Caller
 from app.composition import Services
@@ -71,7 +71,8 @@ async def add(
     services.reading.check()
     async with received(request, services, _FIELDS) as upload:
         row = await services.reading.run(services.pending.add, caller, upload)
-    return page("pending_run", run=pending_view(row))
+    known = await to_thread.run_sync(services.pending.known, caller, [row])
+    return page("pending_run", run=pending_view(row, is_known=row.id in known))
 
 
 @router.post("/labels")
@@ -86,10 +87,10 @@ async def relabel(
 
 @router.post("/confirm")
 async def confirm(services: ServicesDep, caller: CallerDep) -> Response:
-    """Make runs of all pending runs that can be read, and show them."""
+    """Make runs of all pending runs that can be read, and show the start page with them."""
     services.reading.check()
     await services.reading.run(services.pending.confirm, caller)
-    return Response(status_code=204, headers={"HX-Refresh": "true"})
+    return RedirectResponse("/", status_code=303)
 
 
 @router.post("/{run_id}/reopen")
@@ -157,10 +158,10 @@ def pending_view(row: PendingRow, *, is_known: bool = False) -> dict[str, Any]:
     preview, summary = row.found["preview"], row.found["summary"]
     is_contradictory = any(f["severity"] == "refuse" for f in preview["findings"])
     state = "contradictory" if is_contradictory else "ready"
+    if is_known:
+        state = "known"
     if summary is None:
         state = "unreadable"
-    elif is_known:
-        state = "known"
     suggested = {name: {"column": title} for name, title in row.found["suggested"].items()}
     chosen = preview["mapping"] if summary is not None else suggested | (row.mapping or {})
     # The warnings of a run repeat its contradictions.
@@ -172,6 +173,7 @@ def pending_view(row: PendingRow, *, is_known: bool = False) -> dict[str, Any]:
         "file": row.file,
         "state": state,
         "state_text": _STATES[state],
+        "is_known": is_known,
         "facts": [] if summary is None else _facts(summary),
         "errors": [
             {

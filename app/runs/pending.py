@@ -83,17 +83,22 @@ class PendingRuns:
 
     def known(self, caller: Caller, rows: Sequence[PendingRow]) -> set[str]:
         """IDs of pending runs whose file and mapping are those of a run or of an earlier one."""
-        columns = select(RunRow.sha256, RunRow.mapping_sha256)
-        query = columns.where(
-            RunRow.workspace == caller.workspace, RunRow.sha256.in_({row.sha256 for row in rows})
+        files = {row.sha256 for row in rows}
+        stored = select(RunRow.sha256, RunRow.mapping_sha256).where(
+            RunRow.workspace == caller.workspace, RunRow.sha256.in_(files)
+        )
+        pending = select(PendingRow.id, PendingRow.sha256, PendingRow.mapping).where(
+            PendingRow.workspace == caller.workspace, PendingRow.sha256.in_(files)
         )
         with self._database.reading() as session:
-            before = {tuple(found) for found in session.execute(query)}
+            before = {tuple(found) for found in session.execute(stored)}
+            in_order = pending.order_by(PendingRow.created_at, PendingRow.id)
+            waiting = session.execute(in_order).all()
         known = set()
-        for row in rows:
-            content = (row.sha256, mapping_digest(row.mapping))
+        for run_id, sha256, mapping in waiting:
+            content = (sha256, mapping_digest(mapping))
             if content in before:
-                known.add(row.id)
+                known.add(run_id)
             before.add(content)
         return known
 

@@ -86,7 +86,7 @@ def test_dropped_file_is_shown_and_becomes_a_run_when_confirmed(page: Page) -> N
     assert run in shown
     assert 'value="servo 1"' in shown
     assert len(samples["current_A"]) == len(samples["time_s"]) == 60
-    assert answer.headers["HX-Refresh"] == "true"
+    assert (answer.status_code, answer.headers["location"]) == (303, "/")
     (stored,) = page.runs()
     assert (stored["id"], stored["motor"], stored["mapping"]) == (run, "servo 1", None)
     assert f'id="{run}"' not in page.shown()
@@ -100,7 +100,7 @@ def test_runs_added_twice_at_once_keep_their_files(page: Page) -> None:
     with ThreadPoolExecutor(len(paths)) as pool:
         answers = list(pool.map(lambda path: page.http.post(path, data={"motor": "m 1"}), paths))
 
-    assert [answer.status_code for answer in answers] == [204, 200, 204, 204]
+    assert [answer.status_code for answer in answers] == [303, 200, 303, 303]
     stored = [run["id"] for run in page.runs()]
     assert len(stored) == 4
     assert {page.http.post(f"/pending/{run}/reopen").status_code for run in stored} == {200}
@@ -254,6 +254,26 @@ def test_a_file_that_is_a_run_already_is_said_and_not_counted(page: Page) -> Non
     assert shown.count(">already added</span>") == 2
     assert ">Add 2 runs</button>" in shown
     assert len(page.runs()) == 3
+
+
+@pytest.mark.parametrize(
+    ("content", "state", "words"),
+    [
+        (run_text(28), "already added", "already among the runs or above"),
+        (b"no,run\n", "needs a correction", "already above; discard one of the two"),
+    ],
+)
+def test_a_file_that_is_dropped_twice_is_said_at_once(
+    page: Page, content: bytes, state: str, words: str
+) -> None:
+    """The answer to the second upload says it, as the list does, whether the file can be read."""
+    files = {"file": ("run.csv", content)}
+    first, second = (page.http.post("/pending", files=files).text for _ in range(2))
+
+    assert words not in first
+    assert f">{state}</span>" in second
+    assert words in second
+    assert page.shown().count(words) == 1
 
 
 def test_a_stored_run_that_is_reopened_is_new_once_its_mapping_changes(page: Page) -> None:

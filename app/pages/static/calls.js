@@ -68,20 +68,18 @@ export function hasEnded(status) {
 }
 
 /** Lets each button with `data-end` cancel or remove its fit, each with `data-end-batch` its batch.
- *  After a removal the page `next` is opened. */
-export function wireEnds(next) {
-  const kinds = [
-    ["[data-end]", (button) => `/fits/${button.dataset.end}`, "this fit, its report and its posterior"],
-    ["[data-end-batch]", (button) => `/batches/${button.dataset.endBatch}`, "this batch and all its fits"],
-  ];
-  for (const [marked, path, words] of kinds) {
-    for (const button of document.querySelectorAll(marked)) {
-      button.addEventListener("click", () => end(button, path(button), words, next));
-    }
-  }
+ *  Then `done` is called with the button and whether it was a removal. */
+export function wireEnds(done) {
+  document.addEventListener("click", ({ target }) => {
+    const button = target.closest("[data-end], [data-end-batch]");
+    if (!button) return;
+    const { end: fit, endBatch: batch } = button.dataset;
+    if (fit) end(button, `/fits/${fit}`, "this fit, its report and its posterior", done);
+    else end(button, `/batches/${batch}`, "this batch and all its fits", done);
+  });
 }
 
-async function end(button, path, words, next) {
+async function end(button, path, words, done) {
   const isRemoval = button.textContent.trim() === "Remove";
   if (isRemoval && !confirm(`Remove ${words}?`)) return;
   button.disabled = true;
@@ -97,6 +95,5 @@ async function end(button, path, words, next) {
       return;
     }
   }
-  if (isRemoval) location.assign(next);
-  else location.reload();
+  done(button, isRemoval);
 }

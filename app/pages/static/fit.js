@@ -42,7 +42,7 @@ async function again() {
   }
 }
 
-wireEnds("/");
+wireEnds((_, isRemoval) => (isRemoval ? location.assign("/") : location.reload()));
 if (!hasEnded(page.dataset.status)) {
   page.append(stage);
   follow();

@@ -1,11 +1,16 @@
-// Start page: shows the progress of fits and batches.
+// Start page: shows the progress of fits and batches, and moves the focus from what is removed.
 
 import { call, hasEnded, showBatch, showProblem, showProgress, wireEnds } from "/static/calls.js";
 
 const WATCH_MS = 1000;
 
+/** Shows the fits and batches anew; the forms above keep what was typed. */
+function renew() {
+  return htmx.ajax("GET", location.href, { target: "#work", select: "#work", swap: "outerHTML" });
+}
+
 /** Updates the unfinished rows with the attribute `data-KIND`; returns their number. */
-async function look(kind, path, show, mayReload) {
+async function look(kind, path, show, mayRenew) {
   const rows = [...document.querySelectorAll(`[data-${kind}]`)].filter((row) => !hasEnded(row.dataset.status));
   if (rows.length === 0) return 0;
   const { items } = await call("GET", path);
@@ -16,7 +21,7 @@ async function look(kind, path, show, mayReload) {
     if (!now || hasEnded(now.status)) ended += 1;
     if (now) show(row, now);
   }
-  if (ended && mayReload) location.reload();
+  if (ended && mayRenew) await renew();
   return rows.length;
 }
 
@@ -25,7 +30,7 @@ let isCut = false;
 async function watch() {
   try {
     const batches = await look("batch", "/batches?limit=50", showBatch, true);
-    // The fits of a running batch end often, so the page reloads only after the batch has ended.
+    // The fits of a running batch end often, so the list is renewed only after the batch has ended.
     const fits = await look("fit", "/fits?limit=100", showProgress, batches === 0);
     if (isCut) showProblem();
     isCut = false;
@@ -38,5 +43,49 @@ async function watch() {
   }
 }
 
-wireEnds("/");
+// What takes the focus when an entry of a list is removed: this part of the entry in its place, or
+// the element with this ID if the list is empty.
+const LISTS = {
+  pending: ["article", "h3", "files"],
+  choice: ["#runs tr", "select", "files"],
+  work: ["tbody tr", "a", "fits-title"],
+};
+
+function entries(list) {
+  return [...document.querySelectorAll(`#${list} ${LISTS[list][0]}`)];
+}
+
+function indexOf(list, button) {
+  return entries(list).findIndex((entry) => entry.contains(button));
+}
+
+function focusIn(list, index) {
+  const [, part, otherwise] = LISTS[list];
+  const left = entries(list);
+  const next = left[Math.min(index, left.length - 1)]?.querySelector(part);
+  (next ?? document.getElementById(otherwise)).focus();
+}
+
+let moveFocus = null;
+document.addEventListener("htmx:beforeSwap", ({ detail: { requestConfig, target } }) => {
+  const { elt, verb } = requestConfig;
+  if (verb === "delete" && target.id in LISTS) {
+    const index = indexOf(target.id, elt);
+    moveFocus = () => focusIn(target.id, index);
+  } else if (elt.id === "pending-confirm" && target.id === "runs-panel") {
+    moveFocus = () => document.getElementById("runs-title").focus();
+  }
+});
+document.addEventListener("htmx:afterSettle", () => {
+  moveFocus?.();
+  moveFocus = null;
+});
+
+wireEnds(async (button) => {
+  const index = indexOf("work", button);
+  await renew();
+  const same = document.getElementById(button.id);
+  if (same) same.focus();
+  else focusIn("work", index);
+});
 watch();

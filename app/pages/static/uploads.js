@@ -18,38 +18,55 @@ function notice(kind, name, text) {
   return line;
 }
 
-async function send(file) {
-  const line = notice("busy", file.name, "is read …");
+/** Shows a file that was received below the others; a change of the list meanwhile has shown it. */
+function add(text) {
+  const pending = document.getElementById("pending");
+  const { id } = new DOMParser().parseFromString(text, "text/html").querySelector("article");
+  if (!document.getElementById(id)) htmx.swap(pending, text, { swapStyle: "beforeend" });
+  pending.hidden = false;
+}
+
+async function send(file, position) {
+  const line = notice("busy", file.name, `is read (${position}) …`);
   const body = new FormData(form);
   body.append("file", file);
   let problem = "could not be sent; check that motorid serve is running, and that this is a file and has not changed since you selected it";
   try {
     const answer = await fetch("/pending", { method: "POST", body, headers: { "HX-Request": "true" } });
     if (answer.headers.has("HX-Redirect")) location.assign(answer.headers.get("HX-Redirect"));
-    const part = new DOMParser().parseFromString(await answer.text(), "text/html");
+    const text = await answer.text();
+    const part = new DOMParser().parseFromString(text, "text/html");
     problem = answer.ok ? "" : part.body.textContent.trim();
+    if (answer.ok) add(text);
   } catch (error) {
     console.warn(error);
   }
   line.remove();
   if (problem) notice("bad", file.name, problem);
-  else await htmx.ajax("GET", "/pending", { target: "#pending", swap: "outerHTML" }).catch(console.warn);
+}
+
+/** Counts the new files; shows all again if a change of the list meanwhile has lost one. */
+async function count() {
+  const part = (id) => htmx.ajax("GET", "/pending", { target: id, select: id, swap: "outerHTML" });
+  await part("#pending-head");
+  const shown = document.querySelectorAll("#pending article").length;
+  if (shown !== Number(document.getElementById("pending-head").dataset.runs)) await part("#pending");
 }
 
 async function sendAll(list) {
   if (unsent === 0) received.replaceChildren();
   unsent += list.length;
   // Sequential, sorted by name, because the order of upload counts as the order of recording.
-  for (const file of [...list].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }))) {
-    await send(file);
-    unsent -= 1;
-  }
+  const sorted = [...list].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }));
+  for (const [index, file] of sorted.entries()) await send(file, `${index + 1} of ${sorted.length}`);
+  await count().catch(console.warn);
+  unsent -= sorted.length;
   files.value = "";
   addAwaited(true);
 }
 
-// Adding runs loads the page again.  It waits for the files that are still sent, and for the correction or
-// the motor that was typed just before the click.
+// Adding runs waits for the files that are still sent, and for the correction or the motor that was typed
+// just before the click.
 function isBusy() {
   return unsent > 0 || document.querySelector("#upload.htmx-request, #pending form.htmx-request") !== null;
 }

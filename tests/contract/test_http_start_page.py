@@ -1,0 +1,121 @@
+"""Start page in a browser: each change of it keeps typed options and the place of the keyboard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.app.browser import BROWSER, needs_browser
+from tests.app.pretended import SLOW
+from tests.app.service import Caller, Server, run_text, serving
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+pytestmark = needs_browser
+
+FILES = 5
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Service without keys."""
+    with serving(tmp_path_factory.mktemp("start") / "data", "--no-auth") as running:
+        yield running
+
+
+@pytest.fixture
+def page(server: Server) -> Iterator[Page]:
+    """Start page in a browser, before any file."""
+    with sync_api.sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
+        opened = browser.new_page()
+        opened.set_default_timeout(60_000)
+        opened.on("dialog", lambda dialog: dialog.accept())
+        opened.goto(server.url)
+        yield opened
+        browser.close()
+
+
+def drop(page: Page, directory: Path, *seeds: int) -> None:
+    """Select a file for each seed, and wait until all are shown and counted."""
+    before = page.locator("article").count()
+    paths = [directory / f"run{seed}.csv" for seed in seeds]
+    for seed, path in zip(seeds, paths, strict=True):
+        path.write_bytes(run_text(seed))
+    page.set_input_files("#files", paths)
+    page.locator(f"#pending-confirm[data-new='{before + len(seeds)}']").wait_for()
+
+
+def focused(page: Page) -> str:
+    """Text of the element that has the focus, or its ID if it has no text."""
+    return str(
+        page.evaluate("(({textContent, id}) => textContent.trim() || id)(document.activeElement)")
+    )
+
+
+def test_each_file_is_drawn_once_and_the_list_is_counted_once(page: Page, tmp_path: Path) -> None:
+    """The samples of five files are requested five times and not fifteen times."""
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(f"{request.method} {request.url}"))
+
+    drop(page, tmp_path, *range(FILES))
+    page.wait_for_load_state("networkidle")
+
+    assert sum(url.endswith("/samples") for url in asked) == FILES
+    assert sum(url.startswith("GET") and url.endswith("/pending") for url in asked) == 1
+    assert page.locator("article .uplot").count() == 4 * FILES
+    page.click("text=Discard all")
+    page.locator("article").first.wait_for(state="detached")
+
+
+def test_focus_follows_a_discarded_file(page: Page, tmp_path: Path) -> None:
+    """The next file has it; after the last one the file before, after all the field for files."""
+    drop(page, tmp_path, *range(10, 14))
+    reached = []
+    for position, left in ((0, 3), (2, 2)):
+        page.locator("article").nth(position).get_by_text("Discard").focus()
+        page.keyboard.press("Enter")
+        page.locator("article").nth(left).wait_for(state="detached")
+        reached.append(focused(page).split()[0])
+    page.focus("#pending-discard")
+    page.keyboard.press("Enter")
+    page.locator("article").first.wait_for(state="detached")
+
+    assert reached == ["run11.csv", "run12.csv"]
+    assert focused(page) == "files"
+
+
+def test_options_of_a_fit_outlive_added_runs_and_an_ended_fit(
+    page: Page, server: Server, tmp_path: Path
+) -> None:
+    """The user types on while another fit ends and is removed, and while runs are added."""
+    drop(page, tmp_path, 20)
+    page.click("text=Add 1 run")
+    page.locator("#runs tr").wait_for()
+    assert focused(page) == "Runs"
+    with Caller(server) as caller:
+        stored = caller.client.upload(run_text(21), name="other.csv")
+        fit = caller.begin(stored.id, seed=SLOW)
+        page.reload()
+        page.click("text=More options")
+        page.focus("[name=known]")
+        page.keyboard.type("Kt25=")
+        caller.wait(fit["id"])
+    page.locator("#work .state.succeeded").wait_for()
+    page.locator("#work >> text=Report").wait_for()
+    page.keyboard.type("0.05")
+    drop(page, tmp_path, 22)
+    page.click("text=Add 1 run")
+    page.locator("#runs tr").nth(2).wait_for()
+    page.click("#work >> text=Remove")
+    page.locator("text=No fits yet").wait_for()
+
+    assert page.input_value("[name=known]") == "Kt25=0.05"
+    assert focused(page) == "Fits"
