@@ -7,7 +7,7 @@ ambiguous column, or a missing, unknown or wrong unit, is an error with examples
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identification.errors import (
     AmbiguousColumn,
@@ -84,7 +84,7 @@ def assign_channels(
     errors: list[RunFileError] = []
     found = _mapped_channels(columns, mapping, errors)
     taken = {channel.column.index for channel in found.values()}
-    free = [column for column in columns if column.index not in taken]
+    free = _by_case([column for column in columns if column.index not in taken])
     missing = []
     is_product = _is_product(mapping)
     for name in CHANNEL_QUANTITIES:
@@ -108,7 +108,7 @@ def assign_channels(
         if factors or len(errors) > earlier:
             missing = [name for name in missing if name != "voltage_V"]
     if missing:
-        errors.append(missing_columns(missing, free, columns))
+        errors.append(missing_columns(missing, free, columns, _titles(found)))
     refuse_all(errors)
     known = (*CHANNEL_QUANTITIES, *FACTOR_QUANTITIES)
     return {name: found[name] for name in known if name in found}
@@ -208,6 +208,25 @@ def _mapped_unit(entry: ChannelMapping, column: Column) -> Unit:
             ],
         )
     return si
+
+
+def _titles(found: Mapping[str, Channel]) -> dict[str, str]:
+    return {name: channel.column.title for name, channel in found.items()}
+
+
+def _by_case(columns: list[Column]) -> list[Column]:
+    """Columns of which, as in textbooks, ``t`` is the time and ``T`` the temperature.
+
+    Only for both side by side, without a unit that decides and without another time.
+    """
+    symbols = {"t": "time", "T": "temperature"}
+    ambiguous = {c.title for c in columns if {"time", "temperature"} <= c.quantities}
+    if not symbols.keys() <= ambiguous or any(c.quantities == {"time"} for c in columns):
+        return columns
+    return [
+        replace(c, quantities=frozenset({symbols[c.title]})) if c.title in symbols else c
+        for c in columns
+    ]
 
 
 def _candidates(name: str, columns: Sequence[Column]) -> list[Column]:

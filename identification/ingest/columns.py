@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from identification.errors import DuplicateColumn, Example, MissingColumn, RunFileError, UnknownUnit
@@ -35,6 +35,9 @@ __all__ = [
     "similar_columns",
     "unknown_unit",
 ]
+
+_GAINS = {"voltage_V": "V_PER_V", "current_A": "A_PER_V", "speed_rad_s": "RAD_S_PER_V"}
+"""Gains that stand in examples for those of probes and sensors, which give volts."""
 
 # Entries of a units row that mean no unit.
 _NO_UNIT = ("", "-", "--", "1", "none", "n/a")
@@ -127,6 +130,7 @@ def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
         if not (is_chopped and "bus voltage" in column.quantities)
         and (
             any(similar_to(text, quantity) for text in column.texts)
+            or quantity in column.quantities
             or (
                 column.unit is not None
                 and column.unit.quantity == quantity
@@ -154,11 +158,20 @@ def unknown_unit(name: str, column: Column, accepted: str) -> RunFileError:
 
 
 def missing_columns(
-    names: list[str], free: list[Column], columns: Sequence[Column]
+    names: list[str], free: list[Column], columns: Sequence[Column], found: Mapping[str, str]
 ) -> RunFileError:
-    """One error for all channels without a column, each with its similar columns."""
+    """One error for all channels without a column, each with its similar columns.
+
+    Args:
+        names: The channels.
+        free: Columns that the user's mapping does not use.
+        columns: All columns of the file.
+        found: Titles of the columns of the other channels.
+    """
+    if unnamed := _unnamed(free, names):
+        return _unnamed_columns(names, unnamed, found)
     similar = {name: similar_columns(name, free) for name in names}
-    found = "".join(
+    nearest = "".join(
         f"; {name} may be {listed(column.title for column in near)}"
         for name, near in similar.items()
         if near
@@ -188,10 +201,53 @@ def missing_columns(
     absent = ", ".join(name for name in names if not similar[name])
     remedy = f"log {absent}, which no column resembles" if absent else "name them in the header"
     return MissingColumn(
-        f"no column for {', '.join(names)}{found}; the file has "
+        f"no column for {', '.join(names)}{nearest}; the file has "
         f"{listed(column.title for column in columns)}; {remedy}{hint}",
         column=names[0],
         examples=examples,
+    )
+
+
+def _unnamed(columns: Sequence[Column], names: Sequence[str]) -> list[Column]:
+    """Columns in volts without the name of a channel, as an oscilloscope writes them.
+
+    Empty if fewer than two could be the missing channels.
+    """
+    measured = {"voltage_V", "current_A", "speed_rad_s"} & set(names)
+    found = [
+        column
+        for column in columns
+        if column.unit is not None
+        and column.unit.quantity == "voltage"
+        and not column.quantities
+        and not any(map(is_setpoint, column.texts))
+    ]
+    return found if min(len(found), len(measured)) > 1 else []
+
+
+def _unnamed_columns(
+    names: Sequence[str], unnamed: Sequence[Column], found: Mapping[str, str]
+) -> RunFileError:
+    """Error for the missing channels of a file of an oscilloscope.
+
+    The examples take the columns in their order; the user knows the order and the gains.
+    """
+    entries: dict[str, object] = {}
+    free = iter(unnamed)
+    for name in names:
+        column = next(free, None) if name in _GAINS else None
+        gain = _GAINS.get(name)
+        one = scaled_example(name, column, gain) if column and gain else example(name, column)
+        entries |= one
+    known = "".join(f"{name} is {quoted(title)}; " for name, title in found.items())
+    lacking = sum(name in _GAINS for name in names) - len(unnamed)
+    more = f"; record {lacking} more, as the file has too few" if lacking > 0 else ""
+    return MissingColumn(
+        f"no column for {', '.join(names)}; {known}{listed(c.title for c in unnamed)} in "
+        f"{unnamed[0].unit_texts[0]} have no name of a channel{more}; the file does not say which "
+        "is which, nor the gain of a probe or sensor: write names and units in the header",
+        column=names[0],
+        examples=[entries],
     )
 
 

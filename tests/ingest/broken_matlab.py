@@ -149,6 +149,14 @@ BROKEN_MATLAB = (
     ),
     broken(
         "run.mat",
+        "t and T without units, which are time and temperature",
+        lambda p: mat(p, {"log": {"t": TIME[2], "T": VOLTAGE[2], "i": CURRENT[2]}}),
+        errors.AmbiguousUnit,
+        "column t: the column may be time_s, but has no unit",
+        "column T: the column may be temperature_degC, but has no unit",
+    ),
+    broken(
+        "run.mat",
         "a log of Simulink without current",
         lambda p: mat(
             p,

@@ -58,6 +58,14 @@ def doubled_header(name: str) -> bytes:
     return "\n".join(line + ("" if at == 0 else ",1.0") for at, line in enumerate(lines)).encode()
 
 
+def oscilloscope(channels: int) -> bytes:
+    """Columns of an oscilloscope, which have numbers and volts."""
+    names = ["x-axis", *map(str, range(1, channels + 1))]
+    table = dict(zip(names, record().values(), strict=False))
+    header, rest = write(table).split(b"\n", 1)
+    return b"\n".join([header, b",".join([b"second", *channels * [b"Volt"]]), rest])
+
+
 TIME = record()["time_s"]
 HEADER = ",".join(CANONICAL).encode()
 
@@ -105,6 +113,19 @@ BROKEN_TABLES = (
         without("time_s", "current_A", "speed_rad_s"),
         errors.MissingColumn,
         "no column for time_s, current_A, speed_rad_s",
+    ),
+    Refusal(
+        "an oscilloscope",
+        oscilloscope(3),
+        errors.MissingColumn,
+        "time_s is 'x-axis'; '1', '2', '3' in Volt have no name of a channel; the file .*"
+        '"voltage_V": {"column": "1", "scale": "V_PER_V"}, "current_A": .*"A_PER_V"',
+    ),
+    Refusal(
+        "an oscilloscope of two channels",
+        oscilloscope(2),
+        errors.MissingColumn,
+        'record 1 more, .*"speed_rad_s": {"column": "HEADER TEXT"',
     ),
     Refusal(
         "a set point only",

@@ -318,6 +318,16 @@ def test_measured_robot_log_is_refused_with_the_missing_channel() -> None:
     assert "set speed'," not in str(caught.value).split("the file has")[0]
 
 
+def test_a_column_that_may_be_the_temperature_is_named(tmp_path: Path) -> None:
+    """Beside a time with a unit, `T` without one may be the temperature."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(renamed(time_s="t [s]", temperature_degC="T"))
+
+    run = read_run(path)
+
+    assert "no temperature column (it may be 'T')" in run.warnings[0].message
+
+
 def test_unused_columns_are_named_in_a_warning(tmp_path: Path) -> None:
     """A misspelt optional channel must not be dropped silently."""
     path = tmp_path / "run.csv"
