@@ -200,13 +200,14 @@ def _identified(
     final = closed if opened is closed else with_noise_model(opened)
     omitted = _omitted(closed, declared, outcome, gains)
     fraction = effective_fraction(closed)
-    tell("posterior", 0.55)
+    last = "posterior" if options.posterior else "intervals"
+    tell(last, 0.55)
     chain, draws = final_draws(
         Posterior(closed, fraction, outcome.smooth if outcome else None),
         linear_parts_of(final),
         omitted,
         options,
-        lambda done: tell("posterior", 0.55 + 0.3 * done),
+        lambda done: tell(last, 0.55 + 0.3 * done),
         checkpoint and checkpoint.about([run.sha256 for run in admission.runs], options),
     )
     tell("feedback", 0.85)

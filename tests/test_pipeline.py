@@ -50,11 +50,14 @@ def test_one_run_and_a_path_as_text_are_enough(tmp_path: Path) -> None:
     """A single run and a string give the result of lists and a path."""
     options = FitOptions(effects=False, posterior=False)
 
-    single = identify(RUN, RUN, options)
+    told: list[str] = []
+    single = identify(RUN, RUN, options, lambda stage, fraction: told.append(stage))
     single.write(str(tmp_path / "out"))
 
     assert single.result["parameters"] == identify([RUN], [RUN], options).result["parameters"]
     assert (tmp_path / "out" / "result.json").is_file()
+    # No posterior is computed, so the progress names none.
+    assert list(dict.fromkeys(told)) == ["fit", "intervals", "feedback", "report", "done"]
 
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])

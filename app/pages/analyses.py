@@ -16,6 +16,7 @@ from app.fits.schemas import FitSummary
 from app.fits.service import StoredFit
 from app.http.dependencies import CallerDep, ServicesDep
 from app.pages.analysis_views import (
+    by_motor,
     design_view,
     history_view,
     loop_view,
@@ -114,7 +115,7 @@ def prediction_page(
         try:
             row, found = services.analyses.prediction(caller, fit_id, run, declared=declared)
             file, shown = row.file, prediction_view(row.file, found)
-            runs = [row, *(one for one in runs if one.id != row.id)]
+            runs = [*runs, *([] if any(one.id == row.id for one in runs) else [row])]
         except RunRefused as error:
             problem = f"{error.message}."
     return page(
@@ -122,7 +123,7 @@ def prediction_page(
         status=422 if problem else 200,
         fit=fit_view(FitSummary.of(fit), {}),
         training=fit.training,
-        runs=runs,
+        runs=by_motor(runs, fit.row.motor),
         chosen=run,
         declared=declared,
         file=file,

@@ -23,10 +23,11 @@ from identification.result.numbers import (
 if TYPE_CHECKING:
     from app.analyses.prediction import Design, Prediction
     from app.analyses.service import LoopAnalysis
+    from app.tables import RunRow
     from identification.fleet.explanation import Explanation
     from identification.fleet.refit import Refit
 
-__all__ = ["design_view", "history_view", "loop_view", "prediction_view", "tuning_view"]
+__all__ = ["by_motor", "design_view", "history_view", "loop_view", "prediction_view", "tuning_view"]
 
 _METRICS: Final = tuple(FIELDS)[:6]
 _WIDE: Final = 920.0
@@ -95,6 +96,11 @@ def _metric_row(
         texts = list(dict.fromkeys(number_text(end) for end in known)) if len(known) == 2 else []
         cells.append((" to ".join(texts) or UNKNOWN, at[name].get("met_probability")))
     return label, unit, None if limit is None else factor * limit, cells
+
+
+def by_motor(runs: Sequence[RunRow], motor: str | None) -> list[RunRow]:
+    """Runs of this motor first, then those of the others by name, and those without a name last."""
+    return sorted(runs, key=lambda run: (run.motor != motor, run.motor is None, run.motor or ""))
 
 
 def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:

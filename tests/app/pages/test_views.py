@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from app.fits.schemas import FitSummary, Progress
+from app.pages.analysis_views import by_motor
 from app.pages.views import fit_view, run_view
 from app.runs.schemas import RunOut
+from app.tables import RunRow
 from tests.app.rows import fit_row
 
 RUN = RunOut.model_json_schema()["examples"][0]
@@ -101,3 +103,11 @@ def test_option_that_was_not_given_is_a_dash() -> None:
     assert shown == {
         "time_limit": "–", "known": "–", "nameplate": "–", "seed": "0", "force": "no",
     }  # fmt: skip
+
+
+def test_runs_to_predict_are_sorted_by_motor() -> None:
+    """The motor of the fit is first; within a motor the order remains."""
+    named = [("r1", "b"), ("r2", None), ("r3", "a"), ("r4", "c"), ("r5", "b")]
+    rows = [RunRow(id=run, motor=motor) for run, motor in named]
+
+    assert [run.id for run in by_motor(rows, "c")] == ["r4", "r3", "r1", "r5", "r2"]
