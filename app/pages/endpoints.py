@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Request, Response
+from fastapi import APIRouter, Form, Query, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from app.access.service import Caller
@@ -30,14 +30,19 @@ router = APIRouter(include_in_schema=False)
 router.include_router(analyses)
 
 _MOST_BATCHES = 50
+_MOST_FITS = 100
 
 
 @router.get("/")
 def home(
-    page: Page, services: ServicesDep, caller: CallerDep, motor: MotorFilter = None
+    page: Page,
+    services: ServicesDep,
+    caller: CallerDep,
+    motor: MotorFilter = None,
+    after: Annotated[str | None, Query(max_length=200)] = None,
 ) -> HTMLResponse:
-    """Start page with runs, fits and batches."""
-    fits, _ = services.fits.page(caller, after=None, limit=100)
+    """Start page with runs, batches and the newest fits, or the fits after a cursor."""
+    fits, older = services.fits.page(caller, after=after, limit=_MOST_FITS)
     batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
     return page(
         "home",
@@ -45,6 +50,8 @@ def home(
         benches=services.pending.benches(caller),
         choice=choice_of(services, caller, motor),
         fits=[fit_view(FitSummary.of(fit), {}) for fit in fits],
+        after=after,
+        older=older,
         batches=[batch_view(BatchSummary.of(batch)) for batch in batches],
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Self
@@ -56,8 +57,15 @@ def number(field: str, text: str, default: float | None = None) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise FieldRefused(f"{field}: {text[:40]!r} is not a number", field)
+        raise FieldRefused(f"{field}: {text[:40]!r} is not a number{_in_points(text)}", field)
     return value
+
+
+def _in_points(text: str) -> str:
+    """Hint at the decimal point if the text has a decimal comma."""
+    changed = text.strip().replace(",", ".")
+    is_number = re.fullmatch(r"[-+]?\d{1,15}\.\d{1,15}", changed) and "," in text
+    return f"; write {changed}" if is_number else ""
 
 
 @dataclass(frozen=True)
@@ -164,7 +172,7 @@ class TuningForm:
                 if text:
                     numbers[name] = decimal_of(text)
             except ValueError:
-                wrong.append(f"{name} {text[:60]!r} is not a number")
+                wrong.append(f"{name} {text[:60]!r} is not a number{_in_points(text)}")
         if wrong:
             raise OptionError("; ".join(wrong))
         probability = numbers.pop("probability", 0.95)

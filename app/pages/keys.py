@@ -93,6 +93,7 @@ def _shown(
     problem: str = "",
     name: str = "",
 ) -> HTMLResponse:
+    services.access.write_uses()
     keys = reversed(services.access.list_keys(caller.workspace))
     return page(
         "keys",

@@ -53,6 +53,34 @@ def test_login_opens_a_session_and_logout_ends_it(browser: httpx.Client, key: st
     assert after.status_code == 303
 
 
+def test_keys_page_shows_that_its_own_key_is_in_use(browser: httpx.Client, server: Server) -> None:
+    """A key that seems unused would be revoked."""
+    workspace = f"keys-{secrets.token_hex(4)}"
+    browser.post("/login", data={"key": make_key(server.data_dir, workspace)})
+
+    shown = browser.get("/keys").text
+
+    # Created and last used; the key does not expire.
+    assert shown.partition("<tbody")[2].count("<time") == 2
+
+
+def test_older_fits_are_on_further_pages(browser: httpx.Client, server: Server) -> None:
+    """After the cursor of the newest fit, the page has the other one and leads back."""
+    key = make_key(server.data_dir, f"fits-{secrets.token_hex(4)}")
+    with Caller(server, key) as caller:
+        run = str(caller.upload(run_text(40))["id"])
+        older, newest = (caller.begin(run, seed=0)["id"] for _ in range(2))
+        cursor = caller.http.get("/fits", params={"limit": 1}).json()["next"]
+    browser.post("/login", data={"key": key})
+
+    first, second = browser.get("/").text, browser.get("/", params={"after": cursor}).text
+
+    assert [f'data-fit="{fit}"' in first for fit in (older, newest)] == [True, True]
+    assert [f'data-fit="{fit}"' in second for fit in (older, newest)] == [True, False]
+    assert "Newest fits" not in first
+    assert "Newest fits" in second
+
+
 def test_secure_cookies_follow_the_setting(browser: httpx.Client, key: str, data_dir: Path) -> None:
     """Behind a proxy that terminates TLS, only the setting can request the Secure attribute."""
     plain = browser.post("/login", data={"key": key}).headers["set-cookie"]

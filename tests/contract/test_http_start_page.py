@@ -35,7 +35,7 @@ def page(server: Server) -> Iterator[Page]:
     with sync_api.sync_playwright() as playwright:
         arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
         browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
-        opened = browser.new_page()
+        opened = browser.new_context().new_page()
         opened.set_default_timeout(60_000)
         opened.on("dialog", lambda dialog: dialog.accept())
         opened.goto(server.url)
@@ -119,3 +119,29 @@ def test_options_of_a_fit_outlive_added_runs_and_an_ended_fit(
 
     assert page.input_value("[name=known]") == "Kt25=0.05"
     assert focused(page) == "Fits"
+
+
+def test_what_another_tab_removed_leaves_the_lists(page: Page, tmp_path: Path) -> None:
+    """The page says that it was removed, shows what is there, and keeps the typed options."""
+    drop(page, tmp_path, 30, 31)
+    page.click("text=Add 2 runs")
+    page.locator("#runs tr", has_text="run31.csv").wait_for()
+    page.click("text=More options")
+    page.fill("[name=known]", "Kt25=0.05")
+    drop(page, tmp_path, 32, 33)
+    other = page.context.new_page()
+    other.on("dialog", lambda dialog: dialog.accept())
+    other.goto(page.url)
+    other.get_by_label("Delete run31.csv").click()
+    other.locator("#runs tr", has_text="run31.csv").wait_for(state="detached")
+    other.get_by_label("Discard run33.csv").click()
+    other.locator("article").nth(1).wait_for(state="detached")
+    other.close()
+
+    page.get_by_label("Role of run31.csv").select_option("validation")
+    page.locator("#problem", has_text="removed in the meantime").wait_for()
+
+    assert page.locator("#runs tr", has_text="run31.csv").count() == 0
+    assert page.locator("#runs tr", has_text="run30.csv").count() == 1
+    assert page.locator("article").count() == 1
+    assert page.input_value("[name=known]") == "Kt25=0.05"

@@ -31,7 +31,9 @@ async function watch() {
   try {
     const batches = await look("batch", "/batches?limit=50", showBatch, true);
     // The fits of a running batch end often, so the list is renewed only after the batch has ended.
-    const fits = await look("fit", "/fits?limit=100", showProgress, batches === 0);
+    const { after } = document.getElementById("work").dataset;
+    const path = `/fits?limit=100${after && `&after=${encodeURIComponent(after)}`}`;
+    const fits = await look("fit", path, showProgress, batches === 0);
     if (isCut) showProblem();
     isCut = false;
     if (batches + fits) setTimeout(watch, WATCH_MS);
@@ -79,6 +81,15 @@ document.addEventListener("htmx:beforeSwap", ({ detail: { requestConfig, target 
 document.addEventListener("htmx:afterSettle", () => {
   moveFocus?.();
   moveFocus = null;
+});
+
+// A run or a new file that is gone was removed in another tab or by another user.
+document.addEventListener("htmx:afterRequest", async ({ detail: { xhr, requestConfig } }) => {
+  if (xhr.status !== 404 || requestConfig.verb === "get") return;
+  const motor = encodeURIComponent(document.getElementById("choice-motor")?.value ?? "*");
+  await htmx.ajax("GET", `/choice?motor=${motor}`, { target: "#choice", swap: "outerHTML" });
+  await htmx.ajax("GET", "/pending", { target: "#pending", swap: "outerHTML" });
+  showProblem("This was removed in the meantime, in another tab or by another user. The lists are now up to date.");
 });
 
 wireEnds(async (button) => {

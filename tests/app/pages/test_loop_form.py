@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from app.pages.forms import LoopForm, TuningForm
+from app.errors import FieldRefused
+from app.pages.forms import DesignForm, LoopForm, TuningForm
 from identification.errors import OptionError
 
 RESULT = {
@@ -55,3 +56,13 @@ def test_default_specification_asks_for_a_speed() -> None:
     assert TuningForm.of({}, {"feedback_suited": suited}).values["rise_time"] == "0.031"
     assert TuningForm.of({}, {"feedback_suited": []}).values["rise_time"] == ""
     assert TuningForm.of({"overshoot": "5"}, {"feedback_suited": suited}).values["rise_time"] == ""
+
+
+def test_a_decimal_comma_is_answered_with_the_decimal_point() -> None:
+    """A comma separates numbers in other fields, so it is not read as a decimal sign."""
+    with pytest.raises(FieldRefused, match="'2,5' is not a number; write 2.5$"):
+        _ = DesignForm(duration="2,5").options
+    with pytest.raises(OptionError, match="rise_time '0,05' is not a number; write 0.05$"):
+        TuningForm.of({"rise_time": "0,05"}, {}).options()
+    with pytest.raises(FieldRefused, match="'1,2,3' is not a number$"):
+        _ = DesignForm(duration="1,2,3").options
