@@ -31,6 +31,17 @@ router.include_router(analyses)
 
 _MOST_BATCHES = 50
 _MOST_FITS = 100
+_EXPORTS = {
+    "python-control": "Python (python-control)",
+    "matlab": "MATLAB",
+    "simulink-m": "Simulink",
+    "modelica": "Modelica",
+    "fmu": "FMU 2.0",
+    "fmu3": "FMU 3.0",
+    "c": "C",
+    "csv": "table (CSV)",
+}
+"""Names of the formats of other programs on the page of a fit."""
 
 
 @router.get("/")
@@ -117,6 +128,7 @@ def fit_page(fit_id: str, page: Page, services: ServicesDep, caller: CallerDep) 
         outcome=outcome,
         contradictions=[finding_view(one) for one in (fit.error and fit.error.findings) or ()],
         first_run=next(iter((*fit.validation, *fit.training)), ""),
+        exports=_EXPORTS,
     )
 
 

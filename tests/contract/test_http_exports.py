@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import httpx
 import pytest
 
 from app.errors import FieldRefused
@@ -26,6 +27,16 @@ def fit(alice: Caller, stored: str) -> str:
 def test_the_service_offers_the_formats_of_the_library() -> None:
     """The service lists them without loading the simulation."""
     assert list(EXPORTS) == list(FORMATS)
+
+
+def test_page_of_a_fit_leads_to_every_format(alice: Caller, server: Server, fit: str) -> None:
+    """A control engineer finds the FMU without the documentation of the interface."""
+    headers = {**alice.http.headers, "Accept": "text/html"}
+
+    page = httpx.get(f"{server.url}/fits/{fit}", headers=headers, timeout=30).text
+
+    linked = [form for form in FORMATS if f'href="/api/v1/fits/{fit}/exports/{form}"' in page]
+    assert linked == list(FORMATS)
 
 
 def test_table_of_a_fit_is_an_attachment(alice: Caller, fit: str) -> None:
