@@ -31,6 +31,10 @@ router.include_router(analyses)
 
 _MOST_BATCHES = 50
 _MOST_FITS = 100
+_ENDED = (
+    "The session has ended, or its key was revoked or has expired, so the last action was not "
+    "carried out; sign in again."
+)
 _EXPORTS = {
     "python-control": "Python (python-control)",
     "matlab": "MATLAB",
@@ -74,11 +78,11 @@ def docs(page: Page) -> HTMLResponse:
 
 
 @router.get(LOGIN_PATH)
-def login(page: Page, services: ServicesDep) -> Response:
-    """Login page, which asks for a key."""
+def login(page: Page, request: Request, services: ServicesDep) -> Response:
+    """Login page, which asks for a key; with ``?ended`` it says why a page led here."""
     if services.settings.no_auth:
         return RedirectResponse("/", status_code=303)
-    return page("login", problem=None)
+    return page("login", problem=_ENDED if "ended" in request.query_params else None)
 
 
 @router.post(LOGIN_PATH)

@@ -94,7 +94,7 @@ def _shown(problem: Mapping[str, Any], scope: Scope, given: Headers, is_part: bo
     status = int(problem["status"])
     if is_part and status == 401:
         # The browser opens the login page; it would show a redirect inside of the page.
-        headers["HX-Redirect"] = LOGIN_PATH
+        headers["HX-Redirect"] = f"{LOGIN_PATH}?ended"
     return _pages_for(Request(scope))(
         "problem" if is_part else "error",
         status=status,

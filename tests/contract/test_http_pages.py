@@ -172,6 +172,20 @@ def test_keys_of_a_workspace_are_created_and_revoked(browser: httpx.Client, serv
     assert ">revoked</span>" in browser.get("/keys").text
 
 
+def test_an_action_after_a_key_was_revoked_leads_to_the_reason(
+    browser: httpx.Client, server: Server
+) -> None:
+    """The page that led to the login was signed in; who only opens the service gets no reason."""
+    part = {"HX-Request": "true"}
+
+    refused = browser.post("/fits", headers=part)
+    login = browser.get(refused.headers["HX-Redirect"]).text
+
+    assert refused.status_code == 401
+    assert "key was revoked" in login
+    assert "key was revoked" not in browser.get("/login").text
+
+
 def test_only_an_owner_manages_keys(browser: httpx.Client, server: Server) -> None:
     """A key made without the box of an owner opens the data, and neither page nor calls of keys."""
     workspace = f"keys-{secrets.token_hex(6)}"
@@ -329,7 +343,7 @@ def test_part_of_a_page_gets_the_sentence_of_a_problem(alice: Caller, server: Se
     assert refused.status_code == 404
     assert refused.text.startswith("<p ")
     assert "<html" not in refused.text
-    assert unknown.headers["HX-Redirect"] == "/login"
+    assert unknown.headers["HX-Redirect"] == "/login?ended"
 
 
 def test_report_of_a_signed_out_reader_asks_for_the_key(server: Server) -> None:

@@ -11,7 +11,7 @@ export async function call(method, path) {
     throw new Error("The service does not respond; check that motorid serve is running.");
   }
   if (answer.status === 401) {
-    location.assign("/login");
+    location.assign("/login?ended");
     throw new Error("The session has expired; sign in again.");
   }
   const content = answer.status === 204 ? null : await answer.json();
