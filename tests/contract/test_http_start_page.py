@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import httpx
 import pytest
 
 from tests.app.browser import BROWSER, needs_browser
@@ -31,7 +32,13 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 @pytest.fixture
 def page(server: Server) -> Iterator[Page]:
-    """Start page in a browser, before any file."""
+    """Start page in a browser, without files, runs and fits of other tests."""
+    with Caller(server) as caller:
+        httpx.delete(f"{server.url}/pending", headers={"HX-Request": "true"}).raise_for_status()
+        for fit in list(caller.client.fits()):
+            caller.client.delete_fit(fit)
+        for run in list(caller.client.runs()):
+            caller.client.delete_run(run)
     with sync_api.sync_playwright() as playwright:
         arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
         browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
