@@ -32,12 +32,13 @@ from typing import Any
 
 import jsonschema
 
-from app.commands.files import read_result
-from app.commands.motor import Show, feedback, motor_of
+from app.commands.files import read_result, write_json
+from app.commands.motor import motor_of
 from benchmarks.absurd_runs import Case, drawn
 from identification import identify, predict
 from identification.errors import IdentificationError
 from identification.result.schema import result_schema
+from identification.speed_loop import feedback_metrics
 from identification.threads import use_threads
 
 __all__ = ["Ending", "ending_of", "main"]
@@ -109,9 +110,9 @@ def _use(case: Case, directory: Path) -> None:
 def _evaluated(path: Path, controllers: Sequence[str]) -> None:
     """Evaluate the closed loop of a result as ``motorid feedback`` does."""
     with contextlib.redirect_stderr(io.StringIO()):
-        motor = {name: values[:_DRAWS] for name, values in motor_of(path, ()).items()}
-    out = path.with_name("feedback.json")
-    feedback(motor, (25.0, 125.0), controllers, out, result=path, show=Show(quiet=True))
+        motor, _ = motor_of(path, (), _DRAWS)
+    entries = feedback_metrics(motor, (25.0, 125.0), controllers)
+    write_json(path.with_name("feedback.json"), entries, path)
 
 
 def _refused(word: str) -> None:
