@@ -36,6 +36,9 @@ __all__ = ["Admission", "Verdict", "admitted", "check_runs", "check_values", "su
 
 _UNEXPLAINED = 0.6
 _DRIVEN = 0.05
+_HELD = 2.0
+"""RMS current at standstill over that of a turning run, from which the shaft is locked: breakaway
+friction rarely exceeds twice that of a turning shaft."""
 
 _FORCED: Final = (
     "do not rely on this result: it was fitted with --force (option force) although the runs "
@@ -67,7 +70,8 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     joints = [(run, joints_of(run)) for run in runs]
     runs = [divided(run, places) for run, places in joints]
-    single = [_single(run, strongest) for run in runs]
+    held = _currents_at_standstill(runs)
+    single = [_single(run, strongest, held.get(run.name, 0.0)) for run in runs]
     # A channel that is constant in all runs has no sensor; it is not fitted, and a warning says so.
     unmeasured = {
         column
@@ -94,12 +98,30 @@ def _sizes(run: Run) -> NDArray[np.float64]:
     return np.array([np.std(run.voltage), np.std(run.current), np.std(run.speed)])
 
 
-def _single(run: Run, strongest: NDArray[np.float64]) -> list[Finding]:
-    """Findings of one run: temperature jumps, and the first electrical check that finds a fault."""
+def _currents_at_standstill(runs: Sequence[Run]) -> dict[str, float]:
+    """RMS current of each run at standstill, over that of the turning run with the least [-]."""
+    speeds = np.array([np.std(run.speed) for run in runs])
+    currents = np.sqrt([np.mean(run.current**2) for run in runs])
+    turning = speeds > 0.5 * np.max(speeds, initial=0.0)
+    least = np.min(currents, initial=np.inf, where=turning)
+    return {
+        run.name: float(current / max(least, 1e-300))
+        for run, speed, current in zip(runs, speeds, currents, strict=True)
+        if speed < _DRIVEN * np.max(speeds)
+    }
+
+
+def _single(run: Run, strongest: NDArray[np.float64], held: float) -> list[Finding]:
+    """Findings of one run: temperature jumps, and the first electrical check that finds a fault.
+
+    `held` is the current of a run at standstill over that of a turning run; zero if it turns.
+    """
     jumps = list(jump_findings(run))
     moved = _sizes(run)
     if np.all(moved < _DRIVEN * strongest):
         return [*jumps, _idle(run, float(np.max(moved / strongest)))]
+    if held > _HELD:
+        return [*jumps, _locked(run, held)]
     signals = signals_of(run)
     if moved[0] < _DRIVEN * strongest[0]:
         return [*unlogged_voltage_findings(run, signals), *jumps]
@@ -132,6 +154,20 @@ def _idle(run: Run, share: float) -> Finding:
         "standard deviation of the signals relative to the other runs",
         share,
         _DRIVEN,
+    )
+
+
+def _locked(run: Run, held: float) -> Finding:
+    return Finding(
+        "locked_shaft",
+        "refuse",
+        run.name,
+        "speed_rad_s",
+        "the motor stands still with more current than another run needs to turn it: the shaft is "
+        "locked, as in a stall test, or the speed sensor is not connected; omit the run",
+        "RMS current relative to the turning run with the least",
+        held,
+        _HELD,
     )
 
 
