@@ -147,7 +147,7 @@ def test_page_of_a_specification_shows_its_controller(bench: Bench) -> None:
     assert re.search(r"<code>PI:[^<]*</code>: \S+ % of 200 draws meet the specification", page.text)
     assert re.search(r'name="settling_time"[^>]*value="0.2"', page.text)
     assert "<svg" in page.text
-    assert "met in 100 %" in page.text
+    assert "met in 100\u00a0%" in page.text
 
 
 def test_page_of_a_specification_names_each_fault(bench: Bench) -> None:

@@ -299,7 +299,7 @@ def test_second_batch_in_the_same_directory_is_refused(
             "motors: [{motor: m, training: a, options: {seed: 1.5}}]\n",
             "'1.5' is not valid",
         ),
-        ("m.yaml", "options: {hold: often}\nmotors: []\n", "hold is 'often'"),
+        ("m.yaml", "options: {hold: often}\nmotors: []\n", "column hold: 'often'"),
         ("m.yaml", "motors: [\n  {motor: m\n", "row 3: is not YAML"),
         ("m.yaml", "- a\n", "has no list `motors`"),
         ("m.yaml", "motors: []\n", "lists no motor"),
