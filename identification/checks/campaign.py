@@ -120,8 +120,6 @@ def _single(run: Run, strongest: NDArray[np.float64], held: float) -> list[Findi
     moved = _sizes(run)
     if np.all(moved < _DRIVEN * strongest):
         return [*jumps, _idle(run, float(np.max(moved / strongest)))]
-    if held > _HELD:
-        return [*jumps, _locked(run, held)]
     signals = signals_of(run)
     if moved[0] < _DRIVEN * strongest[0]:
         return [*unlogged_voltage_findings(run, signals), *jumps]
@@ -140,7 +138,7 @@ def _single(run: Run, strongest: NDArray[np.float64], held: float) -> list[Findi
         found = list(check(run, signals))
         if found:
             return found + jumps
-    return jumps
+    return [*jumps, _locked(run, held)] if held > _HELD else jumps
 
 
 def _idle(run: Run, share: float) -> Finding:
