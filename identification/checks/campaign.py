@@ -58,6 +58,8 @@ class Verdict:
 
     findings: tuple[Finding, ...]
     """Contradictions first, then suspicions."""
+    runs: tuple[Run, ...] = ()
+    """The checked runs, divided where recordings were joined."""
 
     @property
     def refused(self) -> tuple[Finding, ...]:
@@ -69,9 +71,9 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     joints = [(run, joints_of(run)) for run in runs]
-    runs = [divided(run, places) for run, places in joints]
+    runs = tuple(divided(run, places) for run, places in joints)
     held = _currents_at_standstill(runs)
-    single = [_single(run, strongest, held.get(run.name, 0.0)) for run in runs]
+    single = [_single(run, strongest, ratio) for run, ratio in zip(runs, held, strict=True)]
     # A channel that is constant in all runs has no sensor; it is not fitted, and a warning says so.
     unmeasured = {
         column
@@ -90,7 +92,7 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     found += plausibility_findings(runs, agreeing)
     found += [joined_finding(run, places) for run, places in joints if places]
     order = {"refuse": 0, "suspect": 1}
-    return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])))
+    return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])), runs)
 
 
 def _sizes(run: Run) -> NDArray[np.float64]:
@@ -98,17 +100,14 @@ def _sizes(run: Run) -> NDArray[np.float64]:
     return np.array([np.std(run.voltage), np.std(run.current), np.std(run.speed)])
 
 
-def _currents_at_standstill(runs: Sequence[Run]) -> dict[str, float]:
-    """RMS current of each run at standstill, over that of the turning run with the least [-]."""
+def _currents_at_standstill(runs: Sequence[Run]) -> list[float]:
+    """RMS current of each run over that of the turning run with the least; 0 if it moves [-]."""
     speeds = np.array([np.std(run.speed) for run in runs])
     currents = np.sqrt([np.mean(run.current**2) for run in runs])
     turning = speeds > 0.5 * np.max(speeds, initial=0.0)
     least = np.min(currents, initial=np.inf, where=turning)
-    return {
-        run.name: float(current / max(least, 1e-300))
-        for run, speed, current in zip(runs, speeds, currents, strict=True)
-        if speed < _DRIVEN * np.max(speeds)
-    }
+    stands = speeds < _DRIVEN * np.max(speeds, initial=0.0)
+    return [float(ratio) for ratio in np.where(stands, currents / max(least, 1e-300), 0.0)]
 
 
 def _single(run: Run, strongest: NDArray[np.float64], held: float) -> list[Finding]:
@@ -229,6 +228,7 @@ def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOpt
             the message lists all findings.
     """
     verdict = check_runs([*training, *validation])
+    training, validation = verdict.runs[: len(training)], verdict.runs[len(training) :]
     findings = list(verdict.findings)
     left_out: set[str] = set()
     refused = verdict.refused
@@ -240,16 +240,14 @@ def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOpt
         known = {str(f) for f in findings}
         findings = [f for f in findings if f.separable or f in refused]
         findings += [f for f in refused if str(f) not in known]
-    kept_training = tuple(
-        divided(run, joints_of(run)) for run in training if run.name not in left_out
-    )
+    kept_training = tuple(run for run in training if run.name not in left_out)
     if (refused and not options.force) or (left_out and not kept_training):
         raise _refusal([f for f in findings if f.severity == "refuse"], options)
     aside = [(run, "training") for run in training if run.name in left_out]
     aside += [(run, "validation") for run in validation if run.name in left_out]
     return Admission(
         kept_training,
-        tuple(divided(run, joints_of(run)) for run in validation if run.name not in left_out),
+        tuple(run for run in validation if run.name not in left_out),
         tuple(findings),
         tuple(aside),
         forced=bool(refused),

@@ -106,7 +106,8 @@ def joined_finding(run: Run, joints: Sequence[Joint]) -> Finding:
 def joints_of(run: Run) -> list[Joint]:
     """Places at which recordings were joined, in order of time."""
     signals = signals_of(run, samples=run.rows)
-    if run.rows < _FEWEST or np.ptp(run.speed) == 0.0 or np.ptp(run.current) == 0.0:
+    is_constant = np.ptp(run.speed) == 0.0 or np.ptp(run.current) == 0.0
+    if is_constant or np.count_nonzero(signals.joined) < _FEWEST:
         return []
     residual, deviation = _one_step(signals)
     size = np.abs(residual)
@@ -149,17 +150,17 @@ def _one_step(signals: Signals) -> tuple[Array, Array]:
     first, _ = _regressed(matrix, w[1:], signals.joined)
     usual = np.quantile(np.abs(first[signals.joined]), 1.0 - _TRIMMED)
     kept = signals.joined & (np.abs(first) <= usual)
-    residual, leverage = _regressed(matrix, w[1:], kept)
+    residual, moments = _regressed(matrix, w[1:], kept)
     noise = max(float(np.sqrt(np.mean(residual[kept] ** 2))), _RESOLUTION * largest)
+    leverage = np.sum(matrix * solution(moments, matrix.T).T, axis=1)
     return np.where(signals.joined, residual, 0.0), noise * np.sqrt(1.0 + leverage)
 
 
 def _regressed(matrix: Array, target: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Residuals (n,) of a regression on the kept rows, and the leverage (n,) of each row [-]."""
+    """Residuals (n,) of a regression on the kept rows, and the moment matrix of these rows."""
     ridge = _RIDGE * target.size * np.eye(matrix.shape[1])
     moments = matrix[kept].T @ matrix[kept] + ridge
-    residual = target - matrix @ solution(moments, matrix[kept].T @ target[kept])
-    return residual, np.sum(matrix * solution(moments, matrix.T).T, axis=1)
+    return target - matrix @ solution(moments, matrix[kept].T @ target[kept]), moments
 
 
 def _balance(signals: Signals) -> tuple[float, float, float, float] | None:

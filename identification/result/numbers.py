@@ -200,7 +200,7 @@ def finite(value: object) -> float | None:
 
     A member of an edited result that is no number counts as missing.
     """
-    if not isinstance(value, Real):
+    if isinstance(value, bool) or not isinstance(value, Real):
         return None
     try:
         number = float(value)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from bench import make_campaign
+from bench import EFFECTS, EffectRequest, Noise, make_campaign
 from identification.checks import check_runs
 from identification.checks.campaign import admitted
 from identification.checks.joined import divided, joints_of
@@ -83,6 +85,62 @@ def test_a_sensor_that_fails_is_no_joint() -> None:
     table.loc[fast : fast + 20, "speed_rad_s"] = 0.0
     run = read_run(table)
     assert not joints_of(run)
+
+
+@pytest.mark.parametrize("law", ["play", "more_play"])
+def test_the_end_of_backlash_is_no_joint(law: str) -> None:
+    """The shaft is struck, but the change of speed takes several samples."""
+    for motor in range(6):
+        requests = [EffectRequest("backlash", EFFECTS["backlash"].typical[1], law)]
+        campaign = make_campaign(motor, requests, seed=motor, rows=1500)
+        for run in campaign.runs:
+            assert not joints_of(read_run(run.frame))
+
+
+def test_spikes_of_a_slow_run_are_no_joints() -> None:
+    """The regression follows the speed poorly, so that a spike has hardly a second residual."""
+    for motor in range(6):
+        campaign = make_campaign(motor, (), seed=motor, rows=1500, noise=Noise(kind="spiky"))
+        for run in campaign.runs:
+            assert not joints_of(read_run(run.frame))
+
+
+@pytest.mark.parametrize(("jump", "count"), [(0.1, 0), (1.5, 1)])
+def test_a_jump_that_a_current_could_make_is_no_joint(jump: float, count: int) -> None:
+    """Motor without inductance, sampled five times in its time constant; its speeds are up to one.
+
+    In a sample, the largest current changes the speed by a fifth of twice the largest speed.
+    """
+    rng = np.random.default_rng(0)
+    voltage = np.repeat(rng.uniform(-1.0, 1.0, 40), 50)
+    speed = np.zeros(voltage.size)
+    share = np.exp(-0.2)
+    for k in range(voltage.size - 1):
+        speed[k + 1] = share * speed[k] + (1.0 - share) * voltage[k] + jump * (k == 945)
+    noise = 1e-4 * rng.standard_normal((2, voltage.size))
+    columns = {
+        "time_s": 0.01 * np.arange(voltage.size),
+        "voltage_V": voltage,
+        "current_A": voltage - speed + noise[0],
+        "speed_rad_s": speed + noise[1],
+    }
+    assert len(joints_of(read_run(pd.DataFrame(columns)))) == count
+
+
+def test_a_run_without_joined_samples_has_no_joint() -> None:
+    """Saturation at every second sample leaves no pair of neighbours."""
+    run = read_run(recording(1))
+    clipped = {"speed_rad_s": np.arange(run.rows) % 2 == 0}
+    assert not joints_of(replace(run, clipped=clipped))
+
+
+def test_one_jump_of_the_temperature_may_be_a_joint() -> None:
+    """The motor stands still at the joint of recordings at two temperatures."""
+    table = recording(1)
+    warm = table["temperature_degC"].to_numpy() + 40.0 * (np.arange(ROWS) > ROWS // 2)
+    (finding,) = check_runs([read_run(table.assign(temperature_degC=warm))]).findings
+    assert finding.code == "jumping_temperature"
+    assert "recordings were joined there" in finding.message
 
 
 def test_a_joint_and_a_gap_give_three_segments() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,14 @@ def test_a_motor_that_friction_holds_is_not_locked(share: float) -> None:
     assert (
         "locked_shaft" not in codes(*TURNING, standing(share * min(map(rms, TURNING)), 1)).values()
     )
+
+
+def test_only_the_locked_run_of_equal_names_is_refused() -> None:
+    """Runs from DataFrames have one name unless the caller gives others."""
+    runs = [replace(run, name="run") for run in TURNING]
+    stall = replace(standing(6.0 * min(map(rms, TURNING)), 0), name="run")
+    found = check_runs([*runs, stall]).findings
+    assert [finding.code for finding in found] == ["locked_shaft"]
 
 
 def test_turning_runs_are_not_locked() -> None:

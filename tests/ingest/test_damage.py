@@ -144,7 +144,7 @@ def damaged(draw: st.DrawFn) -> tuple[Specimen, bytes]:
     return specimen, bytes(file)
 
 
-@settings(deadline=None, max_examples=30, derandomize=True)
+@settings(deadline=None, max_examples=60, derandomize=True)
 @given(case=damaged())
 def test_damaged_binary_file_gives_a_run_or_a_named_error(case: tuple[Specimen, bytes]) -> None:
     """Any content gives a valid run or an error whose message is one line with the file name."""

@@ -132,7 +132,7 @@ def test_noise_of_the_sampler_makes_no_other_fit(tmp_path: Path) -> None:
     at=st.floats(0.0, 1.0, exclude_max=True),
     damage=st.sampled_from(["cut", "zero", "flip", "large"]),
 )
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 def test_damaged_posterior_gives_draws_or_is_refused(at: float, damage: str) -> None:
     """A part is cut off, zeroed, changed by one bit or replaced by a large number."""
     content = bytearray(posterior())
