@@ -17,11 +17,10 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy import fft, special
+from scipy import fft, signal, stats
 
 from identification.arrays import Array
 from identification.diagnosis.residual import cross_correlation, lagged_products
-from identification.filters import moving_average
 from identification.fit.autoregression import autoregression, spectrum
 from identification.fit.evaluate import Simulated
 from identification.fit.noise import effective_fraction
@@ -64,7 +63,7 @@ class ChannelResiduals:
     def innovations(self) -> list[Array]:
         """For each record (n_sample - n_tap,) one-step prediction errors."""
         order = self.taps.size
-        return [moving_average(self.taps, r)[order:] for r in self.residuals]
+        return [signal.lfilter(self.taps, [1.0], r)[order:] for r in self.residuals]
 
     @cached_property
     def rms(self) -> float:
@@ -75,7 +74,7 @@ class ChannelResiduals:
         """Relative variance of the mean square for noise with this spectrum and kurtosis [-]."""
         power = spectrum(self.taps, fft.next_fast_len(4096))
         stacked = np.concatenate(self.innovations)
-        excess = max(_excess_kurtosis(stacked), 0.0) if stacked.size > 3 else 0.0
+        excess = max(float(stats.kurtosis(stacked)), 0.0) if stacked.size > 3 else 0.0
         return (2.0 * float(np.mean(power**2)) + excess) / self.count
 
     def error_variance(self, noise: float) -> tuple[float, float]:
@@ -111,7 +110,7 @@ class ChannelResiduals:
         size = float(sum(s.size for s in clipped))
         pairs = size - len(clipped) * np.arange(1, lags + 1)
         statistic = float(np.sum((products / energy) ** 2 * size * (size + 2) / pairs))
-        return float(special.chdtrc(lags - order, statistic))
+        return float(stats.chi2.sf(statistic, lags - order))
 
     def voltage_outside(self, level: float) -> float:
         """Fraction of lags at which the correlation with the voltage leaves a band.
@@ -121,7 +120,7 @@ class ChannelResiduals:
         lag = min(_BEYOND, max(max(r.size for r in self.residuals) // 4, 1))
         each = 1.0 - level / (2 * lag + 1)
         found = cross_correlation(self.residuals, self.voltages, lag, each)
-        quantile = float(-special.ndtri(0.5 * (1.0 - each)))
+        quantile = float(stats.norm.isf(0.5 * (1.0 - each)))
         driven = [v - v.mean() for v in self.voltages]
         scale = np.sqrt(
             sum(float(np.sum(r * r)) for r in self.residuals)
@@ -139,12 +138,6 @@ class ChannelResiduals:
                 )
                 variance = variance + (moved / scale) ** 2
         return float(np.mean(np.abs(found.values) > quantile * np.sqrt(variance)))
-
-
-def _excess_kurtosis(series: Array) -> float:
-    centred = series - series.mean()
-    variance = float(np.mean(centred**2))
-    return float(np.mean(centred**4)) / variance**2 - 3.0 if variance > 0.0 else 0.0
 
 
 def residuals_of_training(simulated: Sequence[Simulated]) -> list[ChannelResiduals]:

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from scipy import special
+from scipy import stats
 
 from identification.arrays import Array
 from identification.diagnosis.channel_residuals import (
@@ -151,7 +151,7 @@ def _limit(
     """Upper limit of the noise ratio: noise of the training runs plus parameter uncertainty."""
     variance = left.scatter() + (training.scatter() if training is not None else 0.0)
     mean, more = left.error_variance(noise)
-    reach = float(-special.ndtri(level))
+    reach = float(stats.norm.isf(level))
     return float(np.sqrt(1.0 + mean + reach * np.sqrt(variance + more))) + _RESOLVED
 
 

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from scipy import ndimage
+from scipy import signal
 
 from identification.arrays import Array
 from identification.model.excitation import Record
@@ -72,9 +72,7 @@ def _peaks(power: Array, orders: Array, highest: float, longest: float) -> list[
     # Local median over a window of about two orders, on a coarser grid.
     coarse = max(around // 8, 1)
     blocks = power[: power.size // coarse * coarse].reshape(-1, coarse)
-    floor = np.asarray(
-        ndimage.median_filter(np.median(blocks, axis=1), 17, mode="constant"), dtype=np.float64
-    )
+    floor = np.asarray(signal.medfilt(np.median(blocks, axis=1), 17), dtype=np.float64)
     usual = np.interp(
         np.arange(power.size), (np.arange(floor.size) + 0.5) * coarse, np.maximum(floor, 1e-300)
     )

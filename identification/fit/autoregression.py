@@ -2,7 +2,7 @@
 
     e(t) + c_1 e(t-1) + ... + c_p e(t-p) = white noise
 
-The filter is always given as its taps (1, c_1, ..., c_p), as `filters.moving_average` takes them.
+The filter is always given as its taps (1, c_1, ..., c_p), as `scipy.signal.lfilter` takes them.
 
 Source: Ljung, System Identification, 2nd edition, section 16.4 (order selection); Akaike, IEEE
 Trans. Autom. Control 19 (1974), 716-723.

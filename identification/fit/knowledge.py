@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.stats import norm
 
 from identification.arrays import Array
 from identification.fit.noise import effective_fraction
@@ -33,7 +33,7 @@ from identification.quantities import DECLARED_PARAMETERS
 __all__ = ["LIMIT", "Comparison", "Knowledge", "compared"]
 
 _FALSE_ALARMS: Final = 1e-3
-LIMIT: Final = -float(ndtri(0.5 * _FALSE_ALARMS / len(DECLARED_PARAMETERS)))
+LIMIT: Final = float(norm.isf(0.5 * _FALSE_ALARMS / len(DECLARED_PARAMETERS)))
 """Largest |z|; beyond it the runs contradict a known value: 3.8."""
 
 _NEAR: Final = 3.0

@@ -30,10 +30,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.special import gammaln
+from scipy import signal, stats
 
 from identification.arrays import Array
-from identification.filters import moving_average, recursive
 from identification.fit.autoregression import LARGEST_ORDER, autoregression, lag_products
 from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.linear import eigh, root, solution
@@ -173,19 +172,14 @@ def _student(series: Array) -> tuple[float | None, float]:
     normal = float(np.std(series))
     if not normal > 0:
         return None, normal
-    # Likelihoods without the factor 1 / sqrt(pi).
-    best = -0.5 * float(np.sum((series / normal) ** 2)) + np.log(series.size)
-    best -= series.size * float(np.log(np.sqrt(2.0) * normal))
+    best = float(np.sum(stats.norm.logpdf(series, scale=normal))) + np.log(series.size)
     found: tuple[float | None, float] = (None, normal)
     for freedom in _DEGREES:
         scale = normal
         for _ in range(15):
             weight = (freedom + 1) / (freedom + (series / scale) ** 2)
             scale = float(np.sqrt(np.mean(weight * series**2)))
-        half = 0.5 * (freedom + 1.0)
-        size = float(gammaln(half) - gammaln(0.5 * freedom)) - np.log(np.sqrt(freedom) * scale)
-        tails = float(np.sum(np.log1p((series / scale) ** 2 / freedom)))
-        likelihood = series.size * size - half * tails
+        likelihood = float(np.sum(stats.t.logpdf(series, freedom, scale=scale)))
         if likelihood > best:
             best, found = likelihood, (freedom, scale)
     return found
@@ -211,7 +205,7 @@ def noise_deviation(fit: Fit) -> Array:
             continue
         if fit.weighting.whitening[channel].size == 1:
             taps = autoregression(kept)
-            kept = [moving_average(taps, series)[taps.size - 1 :] for series in kept]
+            kept = [signal.lfilter(taps, [1.0], series)[taps.size - 1 :] for series in kept]
         found[channel] = np.sqrt(np.mean(np.concatenate(kept) ** 2))
     return found
 
@@ -249,8 +243,7 @@ def effective_fraction(fit: Fit) -> float:
             begin = ends.get(key, np.zeros((taps.size - 1, n)))
             counted = whitened * (weight > 0) * (power / deviation**2)
             # Its Gram matrix is the covariance of the gradient, except at the ends of a record.
-            spread = recursive(taps, counted, begin)
-            ends[key] = np.concatenate([begin, spread])[len(spread) :]
+            spread, ends[key] = signal.lfilter([1.0], taps, counted, axis=0, zi=begin)
             gradient += spread.T @ spread
     prior = np.diag(1.0 / fit.coordinates.prior_sd**2) + 1e-12 * np.diag(np.diag(plain))
     factor = root(plain + prior)
@@ -270,7 +263,7 @@ def _weighted_filters(fit: Fit, weights: Sequence[Array]) -> list[tuple[Array, f
             for weight, residual in zip(weights, residuals, strict=True)
         ]
         taps = autoregression(series)
-        squares = [np.sum(moving_average(taps, each) ** 2) for each in series]
+        squares = [np.sum(signal.lfilter(taps, [1.0], each) ** 2) for each in series]
         power = float(np.sqrt(np.sum(squares) / sum(each.size for each in series)))
         found.append((taps, power))
     return found

@@ -21,9 +21,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from scipy import signal
 
 from identification.arrays import Array
-from identification.filters import moving_average, recursive
 from identification.linear import least_squares
 from identification.model.excitation import Record, sample_interval
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
@@ -109,12 +109,13 @@ def _rows(record: Record, cutoff: float, interval: float) -> tuple[Array, Array]
     poles = np.array([1.0, 2.0 * pole, pole**2])
     smooth = (cutoff / (cutoff + twice)) ** 2 * np.array([1.0, 2.0, 1.0])
     rate = twice * (cutoff / (cutoff + twice)) ** 2 * np.array([1.0, 0.0, -1.0])
+    settled = np.array([1.0 - smooth[0], smooth[2] - poles[2]])
 
     def low(x: Array) -> Array:
-        return np.asarray(x[0] + recursive(poles, moving_average(smooth, x - x[0])))
+        return np.asarray(signal.lfilter(smooth, poles, x, zi=settled * x[0])[0])
 
     def slope(x: Array) -> Array:
-        return recursive(poles, moving_average(rate, x - x[0]))
+        return np.asarray(signal.lfilter(rate, poles, x - x[0]))
 
     one = np.ones_like(current)
     # Samples closer together than the low-pass filter resolves are redundant.

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import signal
 
 from identification.arrays import Array
-from identification.filters import moving_average
 from identification.model.excitation import Record
 
 __all__ = ["Weighting"]
@@ -58,7 +58,7 @@ class Weighting:
     def whitened(self, series: Array, channel: int) -> Array:
         """Apply the whitening filter of a channel to a series (n_sample, ...)."""
         taps = self.whitening[channel]
-        return series if taps.size == 1 else moving_average(taps, series)
+        return series if taps.size == 1 else signal.lfilter(taps, [1.0], series, axis=0)
 
     def sample_weights(self, k: int) -> Array:
         """Weights of the samples of record `k` before division by the variance, (n_sample, 2)."""

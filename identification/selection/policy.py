@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from scipy.special import chdtri
+from scipy.stats import chi2
 
 __all__ = ["DEFAULT", "SelectionPolicy"]
 
@@ -118,7 +118,7 @@ class SelectionPolicy:
     """Samples of one segment at least: many times the slowest time constant."""
 
     # Confounded lags and friction (decision 0023): intervals, not selection.
-    exclusion_loss: float = float(0.5 * chdtri(1, 1e-3))
+    exclusion_loss: float = float(0.5 * chi2.isf(1e-3, 1))
     """Loss of log likelihood that the true value exceeds once in a thousand (Wilks): 5.4."""
     bias: float = 0.25
     """Bias by smoothed friction and finite substeps above which the final model is refitted

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from scipy.special import betaincinv
+from scipy.stats import beta
 
 from identification.arrays import Array
 from identification.errors import OptionError
@@ -132,7 +132,7 @@ def _entry(
     of_draws, share = found.of_draws[0], float(found.probability[0])
     met = int(round(share * of_draws.size))
     # Jeffreys' interval of a proportion.
-    low, high = betaincinv(met + 0.5, of_draws.size - met + 0.5, [0.05, 0.95])
+    low, high = beta.ppf([0.05, 0.95], met + 0.5, of_draws.size - met + 0.5)
     slack = float(slack_at(of_draws, probability))
     entry = {
         "controller": text,
