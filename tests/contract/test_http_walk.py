@@ -26,7 +26,7 @@ from tests.ingest.writers import workbook
 from tests.motors import campaign, motor_named
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Locator, Page, Route
+    from playwright.sync_api import Locator, Page, Request, Route
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
@@ -211,7 +211,6 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
             chosen.wait_for(state="attached")
     scope.locator(".state.ready").wait_for()
     overtake(page.locator("article.pending", has_text="bench.xlsx"), "Sign of current")
-    page.wait_for_load_state("networkidle")
     # What was typed just before the click reaches the service first, however slowly.
     page.route("**/pending/labels", send_late)
     page.fill("#motor", "servo 1")
@@ -252,10 +251,23 @@ def select_when_replaced(article: Locator, label: str, text: str) -> None:
 
 
 def overtake(article: Locator, label: str) -> None:
-    """Change a menu and change it back before the answer, which aborts the first request."""
-    menu = article.get_by_label(label)
-    with article.page.expect_event("requestfailed"), article.page.expect_response("**/mapping"):
-        menu.evaluate(
+    """Change a menu and change it back before the answer; the service gets one after the other."""
+    page = article.page
+    address = f"/pending/{article.get_attribute('id')}/mapping"
+    order: list[tuple[str, str]] = []
+
+    def note(step: str, request: Request) -> bool:
+        if request.url.endswith(address):
+            order.append((step, (request.post_data_json or {})["current_A.sign"]))
+        return order[-1:] == [("answered", "+")]
+
+    def note_sent(request: Request) -> None:
+        note("sent", request)
+
+    page.on("request", note_sent)
+    page.route(f"**{address}", send_late)
+    with page.expect_response(lambda answer: note("answered", answer.request)):
+        article.get_by_label(label).evaluate(
             """menu => {
               for (const sign of ["-", "+"]) {
                 menu.value = sign;
@@ -263,6 +275,9 @@ def overtake(article: Locator, label: str) -> None:
               }
             }"""
         )
+    page.unroute(f"**{address}")
+    page.remove_listener("request", note_sent)
+    assert order == [("sent", "-"), ("answered", "-"), ("sent", "+"), ("answered", "+")]
 
 
 def read_a_refusal(walk: Walk) -> None:

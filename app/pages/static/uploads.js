@@ -65,10 +65,21 @@ async function sendAll(list) {
   addAwaited(true);
 }
 
+// Corrections of one file are sent one after the other, since of two at once the service might keep the
+// earlier.  Its answer does not replace a form that has changed meanwhile and is sent again.
+document.addEventListener("change", ({ target }) => target.closest("#pending form")?.setAttribute("data-unsent", ""), true);
+for (const name of ["htmx:beforeRequest", "htmx:validation:halted"]) {
+  document.addEventListener(name, ({ target }) => target.removeAttribute("data-unsent"));
+}
+document.addEventListener("htmx:beforeSwap", ({ detail }) => {
+  if (detail.requestConfig.elt.hasAttribute("data-unsent")) detail.shouldSwap = false;
+});
+
 // Adding runs waits for the files that are still sent, and for the correction or the motor that was typed
 // just before the click.
+const BUSY = "#upload.htmx-request, #pending form.htmx-request, #pending form[data-unsent]";
 function isBusy() {
-  return unsent > 0 || document.querySelector("#upload.htmx-request, #pending form.htmx-request") !== null;
+  return unsent > 0 || document.querySelector(BUSY) !== null;
 }
 
 function addAwaited(isRight) {
