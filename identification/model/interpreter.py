@@ -22,14 +22,16 @@ from identification.model.lowering import (
     BINARY,
     LANES,
     UNARY,
-    VECTOR,
     Operations,
     Value,
+    block_type,
     translated,
 )
 from identification.model.machine import Loaded, compiled
 
 __all__ = ["Interpreted"]
+
+_BLOCK: Final = block_type(LANES)
 
 _LITERAL, _PARAMETER, _INPUT, _CARRY, _OUTPUT, _NEXT = range(1000, 1006)
 """Codes of the operations that load and store; all others are those of CasADi."""
@@ -106,7 +108,7 @@ def _text() -> str:
         found = own.operation(code, operands if code in BINARY else operands[:1])
         declared |= own.declared
         cases += [f"case{code}:", *own.lines["lane"]]
-        cases += [f"  store {VECTOR} {found.name}, ptr %target, align 8", "  br label %next"]
+        cases += [f"  store {_BLOCK} {found.name}, ptr %target, align 8", "  br label %next"]
         labels.append(code)
     table = " ".join(f"i32 {label}, label %case{label}" for label in labels)
     switch = f"  switch i32 %code, label %next [{table}]"
@@ -121,10 +123,10 @@ def _memory_cases() -> list[str]:
             f"case{code}:",
             f"  %p{code} = getelementptr double, ptr {source}, i64 %i",
             f"  %x{code} = load double, ptr %p{code}, align 8",
-            f"  %s{code} = insertelement {VECTOR} poison, double %x{code}, i64 0",
-            f"  %v{code} = shufflevector {VECTOR} %s{code}, {VECTOR} poison, "
+            f"  %s{code} = insertelement {_BLOCK} poison, double %x{code}, i64 0",
+            f"  %v{code} = shufflevector {_BLOCK} %s{code}, {_BLOCK} poison, "
             f"<{LANES} x i32> zeroinitializer",
-            f"  store {VECTOR} %v{code}, ptr %target, align 8",
+            f"  store {_BLOCK} %v{code}, ptr %target, align 8",
             "  br label %next",
         ]
     pointers = {_PARAMETER: "%p", _CARRY: "%carry", _OUTPUT: "%y", _NEXT: "%carry"}
@@ -138,8 +140,8 @@ def _memory_cases() -> list[str]:
         source, target = "%a", f"%p{code}"
         if is_load:
             source, target = f"%v{code}", "%target"
-            lines.append(f"  {source} = load {VECTOR}, ptr %p{code}, align 8")
-        lines += [f"  store {VECTOR} {source}, ptr {target}, align 8", "  br label %next"]
+            lines.append(f"  {source} = load {_BLOCK}, ptr %p{code}, align 8")
+        lines += [f"  store {_BLOCK} {source}, ptr {target}, align 8", "  br label %next"]
     return lines
 
 
@@ -168,17 +170,17 @@ loop:
   %dp = getelementptr i32, ptr %ip, i64 1
   %d32 = load i32, ptr %dp, align 4
   %d = sext i32 %d32 to i64
-  %target = getelementptr {VECTOR}, ptr %work, i64 %d
+  %target = getelementptr {_BLOCK}, ptr %work, i64 %d
   %i0 = getelementptr i32, ptr %ip, i64 2
   %i32 = load i32, ptr %i0, align 4
   %i = sext i32 %i32 to i64
-  %ap = getelementptr {VECTOR}, ptr %work, i64 %i
-  %a = load {VECTOR}, ptr %ap, align 8
+  %ap = getelementptr {_BLOCK}, ptr %work, i64 %i
+  %a = load {_BLOCK}, ptr %ap, align 8
   %j0 = getelementptr i32, ptr %ip, i64 3
   %j32 = load i32, ptr %j0, align 4
   %j = sext i32 %j32 to i64
-  %bp = getelementptr {VECTOR}, ptr %work, i64 %j
-  %b = load {VECTOR}, ptr %bp, align 8"""
+  %bp = getelementptr {_BLOCK}, ptr %work, i64 %j
+  %b = load {_BLOCK}, ptr %bp, align 8"""
 
 _TAIL: Final = """\
 next:

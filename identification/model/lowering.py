@@ -20,16 +20,21 @@ import casadi as ca
 from identification.errors import ComputationError
 from identification.model.vectors import vector_functions, vector_width
 
-__all__ = ["BINARY", "LANES", "UNARY", "VECTOR", "Operations", "Translation", "Value", "translated"]
+__all__ = [
+    "BINARY",
+    "LANES",
+    "UNARY",
+    "Operations",
+    "Translation",
+    "Value",
+    "block_type",
+    "translated",
+]
 
 LANES: Final = 8
 """Lanes of one block: two AVX2 registers, so that two independent chains hide the latency."""
 
-VECTOR: Final = f"<{LANES} x double>"
-"""LLVM type of a block of lanes."""
-
 _SCALAR = "double"
-_MASK = f"<{LANES} x i1>"
 # Fused multiply-add is the only relaxation allowed: NaN and infinity must propagate, because they
 # are how a diverging simulation is detected.
 _FLAGS = "contract"
@@ -69,6 +74,11 @@ Result = TypeVar("Result")
 """Translation of an expression."""
 
 
+def block_type(lanes: int) -> str:
+    """LLVM type of a block of lanes."""
+    return f"<{lanes} x double>"
+
+
 class Value(NamedTuple):
     """Operand: its name in the LLVM text, and constant, shared, lane or literal."""
 
@@ -77,9 +87,15 @@ class Value(NamedTuple):
 
 
 class Operations:
-    """LLVM instructions of scalar operations, by class; the prefix is that of the registers."""
+    """LLVM instructions of scalar operations, by class; the prefix is that of the registers.
 
-    def __init__(self, prefix: str) -> None:
+    Attributes:
+        lanes: Number of lanes of a block.
+        vector: LLVM type of a block of lanes.
+    """
+
+    def __init__(self, prefix: str, lanes: int = LANES) -> None:
+        self.lanes, self.vector = lanes, block_type(lanes)
         self.lines: dict[str, list[str]] = {"constant": [], "shared": [], "lane": []}
         self.declared: set[str] = set()
         self._prefix = prefix
@@ -98,16 +114,18 @@ class Operations:
 
     def _as_vector(self, value: Value) -> str:
         if value.stage == "literal":
-            return "<" + ", ".join([f"double {value.name}"] * LANES) + ">"
+            return "<" + ", ".join([f"double {value.name}"] * self.lanes) + ">"
         if value.stage != "shared":
             return value.name
         if value.name not in self._spread:
             lines = self.lines["shared"]
             single, spread = self._new(), self._new()
-            lines.append(f"  {single} = insertelement {VECTOR} poison, double {value.name}, i64 0")
             lines.append(
-                f"  {spread} = shufflevector {VECTOR} {single}, {VECTOR} poison, "
-                f"<{LANES} x i32> zeroinitializer"
+                f"  {single} = insertelement {self.vector} poison, double {value.name}, i64 0"
+            )
+            lines.append(
+                f"  {spread} = shufflevector {self.vector} {single}, {self.vector} poison, "
+                f"<{self.lanes} x i32> zeroinitializer"
             )
             self._spread[value.name] = spread
         return self._spread[value.name]
@@ -122,7 +140,7 @@ class Operations:
         if operation == ca.OP_DIV and operands[1].stage != stage:
             inverse = self._reciprocal(operands[1])
             return self.operation(ca.OP_MUL, [operands[0], inverse])
-        kind, mask = (_SCALAR, "i1") if stage == "shared" else (VECTOR, _MASK)
+        kind, mask = (_SCALAR, "i1") if stage == "shared" else (self.vector, f"<{self.lanes} x i1>")
         names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
         if operation in _BINARY:
             word = f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}"
@@ -206,23 +224,27 @@ class Operations:
         self, name: str, kind: str, operands: list[str], emit: Callable[[str], Value]
     ) -> Value:
         """Call of a function of one or two operands, in a vector version if the machine has one."""
-        symbol = vector_functions().get(name) if kind == VECTOR else None
+        symbol = None if kind == _SCALAR else vector_functions().get(name)
         width = vector_width()
-        if symbol is not None and width == LANES:
-            return emit(self._call(symbol, VECTOR, operands))
-        if symbol is not None:
-            part = f"<{width} x double>"
-            parts = [
-                emit(
-                    self._call(symbol, part, [emit(_part(x, k, width)).name for x in operands])
-                ).name
-                for k in range(LANES // width)
-            ]
-            lanes = ", ".join(f"i32 {lane}" for lane in range(LANES))
-            both = ", ".join(f"{part} {name}" for name in parts)
-            return emit(f"shufflevector {both}, <{LANES} x i32> <{lanes}>")
-        suffix = "f64" if kind == "double" else f"v{LANES}f64"
-        return emit(self._call(f"llvm.{name}.{suffix}", kind, operands))
+        if symbol is None:
+            suffix = "f64" if kind == _SCALAR else f"v{self.lanes}f64"
+            return emit(self._call(f"llvm.{name}.{suffix}", kind, operands))
+        parts = [operands]
+        if width < self.lanes:
+            firsts = range(0, self.lanes, width)
+            parts = [[emit(self._part(x, k, width)).name for x in operands] for k in firsts]
+        found = [emit(self._call(symbol, block_type(width), part)) for part in parts]
+        while len(found) > 1:
+            pairs = zip(found[::2], found[1::2], strict=True)
+            found = [emit(_joined(a.name, b.name, width)) for a, b in pairs]
+            width *= 2
+        return found[0]
+
+    def _part(self, operand: str, first: int, width: int) -> str:
+        """Some lanes of a block."""
+        lanes = ", ".join(f"i32 {first + lane}" for lane in range(width))
+        vector = self.vector
+        return f"shufflevector {vector} {operand}, {vector} poison, <{width} x i32> <{lanes}>"
 
     def _call(self, symbol: str, kind: str, operands: list[str]) -> str:
         self.declared.add(f"declare {kind} @{symbol}({', '.join([kind] * len(operands))})")
@@ -241,9 +263,15 @@ class Translation(Operations):
     """
 
     def __init__(
-        self, step: ca.Function, prefix: str = "r", pointer: str = "%u", *, given: bool = False
+        self,
+        step: ca.Function,
+        lanes: int,
+        prefix: str = "r",
+        pointer: str = "%u",
+        *,
+        given: bool = False,
     ) -> None:
-        super().__init__(prefix)
+        super().__init__(prefix, lanes)
         self._pointer, self._given = pointer, given
         found = translated(step, _literal, self._input, self.operation)
         self.carry, self.output = ([self._as_vector(value) for value in each] for each in found)
@@ -258,7 +286,7 @@ class Translation(Operations):
             return self._emit("shared", f"load double, ptr {address.name}, align 8")
         offset = self._emit("constant", f"mul i64 %stride, {row}")
         address = self._emit("constant", f"getelementptr double, ptr %p, i64 {offset.name}")
-        return self._emit("constant", f"load {VECTOR}, ptr {address.name}, align 8")
+        return self._emit("constant", f"load {self.vector}, ptr {address.name}, align 8")
 
 
 def translated(
@@ -300,10 +328,11 @@ def _stage_of(operands: list[Value]) -> str:
     return "shared" if found == "literal" else found
 
 
-def _part(operand: str, number: int, width: int) -> str:
-    """A part of a block of lanes."""
-    lanes = ", ".join(f"i32 {number * width + lane}" for lane in range(width))
-    return f"shufflevector {VECTOR} {operand}, {VECTOR} poison, <{width} x i32> <{lanes}>"
+def _joined(first: str, second: str, width: int) -> str:
+    """The lanes of two vectors of equal width."""
+    part = block_type(width)
+    lanes = ", ".join(f"i32 {lane}" for lane in range(2 * width))
+    return f"shufflevector {part} {first}, {part} {second}, <{2 * width} x i32> <{lanes}>"
 
 
 def _literal(x: float) -> Value:

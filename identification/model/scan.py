@@ -24,7 +24,7 @@ import ctypes
 import functools
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final, Literal
 
@@ -36,6 +36,7 @@ from identification.model.interpreter import Interpreted
 from identification.model.loop import STRIDE, lower
 from identification.model.lowering import LANES
 from identification.model.machine import Level, Loaded, compiled
+from identification.model.vectors import vector_width
 from identification.threads import threads
 from identification.work import charge, charge_once
 
@@ -54,6 +55,12 @@ instead of 0.3 ns per instruction and block of lanes.  A fit runs a loop over so
 
 _LONG: Final = 40 * _SHORT
 """Rows up to which a loop that runs a few times is not optimised."""
+
+_WIDE: Final = max(LANES, 2 * vector_width())
+"""Lanes of a wide block: two registers, as many as of AVX2 in a narrow one."""
+
+_DURATION: Final = 1.5
+"""Duration of a step in a wide block over that in a narrow one, at most."""
 
 _ARGUMENTS: Final = (
     ctypes.c_int64,  # steps
@@ -99,23 +106,36 @@ class Scan:
         self._operations = own + (prepare.n_instructions() / STRIDE if prepare is not None else 0.0)
         self._preparation = _COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
         self._source, self._effort, self._key = (step, prepare), effort, key
-        self._kernels: dict[Level | None, Loaded | Interpreted] = {}
+        self._kernels: dict[tuple[Level | None, int], Loaded | Interpreted] = {}
 
-    def _kernel(self, rows: int) -> Loaded | Interpreted:
-        """Form of the loop for a pass over `rows` rows, prepared at the first such pass."""
-        step, prepare = self._source
+    def _form(self, rows: int) -> Level | None:
+        """Form of the loop for a pass over `rows` rows: a level of code, or None if interpreted."""
         is_once = self._effort == "once"
-        form: Level | None = 0 if rows <= (_LONG if is_once else _SHORT) else 2
-        if is_once and rows <= _SHORT and prepare is None:
-            form = None
-        if form not in self._kernels:
+        if is_once and rows <= _SHORT and self._source[1] is None:
+            return None
+        return 0 if rows <= (_LONG if is_once else _SHORT) else 2
+
+    def _kernel(self, form: Level | None, lanes: int) -> Loaded | Interpreted:
+        """Loop over a block of so many lanes, prepared at the first call."""
+        step, prepare = self._source
+        if (form, lanes) not in self._kernels:
             if form is None:
-                self._kernels[form] = Interpreted(step)
+                self._kernels[form, lanes] = Interpreted(step)
             else:
-                key = f"{self._key}{form}" if self._key else None
-                code = compiled(lambda: lower(step, prepare), form, key)
-                self._kernels[form] = Loaded(code, _ARGUMENTS)
-        return self._kernels[form]
+                key = f"{self._key}{form}{lanes}" if self._key else None
+                code = compiled(lambda: lower(step, prepare, lanes), form, key)
+                self._kernels[form, lanes] = Loaded(code, _ARGUMENTS)
+        return self._kernels[form, lanes]
+
+    def _width(self, form: Level | None, records: int, lanes: int) -> int:
+        """Lanes of a block, wide if these end before narrow ones.
+
+        Each thread takes one block after the other.  Wide code takes three times as long to
+        compile, so only the loops of a sampler use it.  The results of a lane are the same.
+        """
+        wide, narrow = (-(-records * -(-lanes // width) // threads()) for width in (_WIDE, LANES))
+        is_faster = _DURATION * wide < narrow
+        return _WIDE if form == 2 and self._effort == "most" and is_faster else LANES
 
     def _check_prepared(self, prepare: ca.Function) -> None:
         found = (prepare.size1_in(1), prepare.size1_out(1), self.n_output)
@@ -134,7 +154,10 @@ class Scan:
         all or for each one.  The carry (n_carry, n_lane) is that before the first step and is
         returned after the last one, with the outputs (n_step, n_output, n_lane).
         """
-        tasks, finals, outputs = [], [], []
+        tasks: list[tuple[Loaded | Interpreted, tuple[int, ...]]] = []
+        finals, outputs = [], []
+        # The reference keeps the code loaded, even if another thread replaces the kernel.
+        form = self._form(sum(rows.shape[0] for rows in inputs))
         if isinstance(parameters, np.ndarray):
             given = [_padded(parameters)] * len(inputs)
         else:
@@ -148,29 +171,20 @@ class Scan:
             stride = carry.shape[1]
             output = np.empty((rows.shape[0], self.n_output, stride))
             keep.append(rows)
-            for block in range(0, stride, LANES):
-                tasks.append(
-                    (
-                        rows.shape[0],
-                        stride,
-                        rows.ctypes.data,
-                        padded.ctypes.data + 8 * block,
-                        carry.ctypes.data + 8 * block,
-                        output.ctypes.data + 8 * block,
-                    )
-                )
+            for first, lanes in _blocks(stride, self._width(form, len(inputs), n_lane)):
+                places = [each.ctypes.data + 8 * first for each in (padded, carry, output)]
+                task = (rows.shape[0], stride, rows.ctypes.data, *places)
+                tasks.append((self._kernel(form, lanes), task))
             finals.append(carry[:, :n_lane])
             outputs.append(output[:, :, :n_lane])
         charge_once(self, self._preparation)
         for rows, start in zip(inputs, carries, strict=True):
             charge(self.work(rows.shape[0], start.shape[1]))
-        # The reference keeps the code loaded, even if another thread replaces the kernel.
-        kernel = self._kernel(sum(rows.shape[0] for rows in inputs))
         if len(tasks) == 1 or threads() == 1:
-            for task in tasks:
+            for kernel, task in tasks:
                 kernel.run(*task)
         else:
-            for _ in _workers(threads()).map(lambda task: kernel.run(*task), tasks):
+            for _ in _workers(threads()).map(lambda each: each[0].run(*each[1]), tasks):
                 pass
         return finals, outputs
 
@@ -202,6 +216,12 @@ def scan_of(step: ca.Function, prepare: ca.Function | None = None, effort: Effor
 
 _CACHE_SIZE = 512
 _cache: dict[str, Scan] = {}
+
+
+def _blocks(lanes: int, width: int) -> Iterator[tuple[int, int]]:
+    """First lane and number of lanes of each block; the last is narrow if so many are left."""
+    for first in range(0, lanes, width):
+        yield first, min(width, lanes - first)
 
 
 def _padded(rows: Array) -> Array:

@@ -198,7 +198,7 @@ def _moves(posterior: Posterior, covariance: Array) -> list[tuple[object, float]
     )
     others = [(wide, 0.1), (moves.DEMove(), 0.1), (moves.StretchMove(), 0.05)]
     if ridge.is_straight:
-        return [(narrow, 0.75), *others]
+        return [(narrow, 0.85), (wide, 0.07), (moves.DEMove(), 0.05), (moves.StretchMove(), 0.03)]
     n = ridge.centre.size
     noise_sd = np.sqrt(np.diag(covariance)[n:])
     on_ridge = moves.MHMove(RidgeProposal(ridge, centre[n:], noise_sd))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from identification.errors import ComputationError
-from identification.model import interpreter
+from identification.model import interpreter, scan
 from identification.model.loop import lower
 from identification.model.lowering import LANES
 from identification.model.scan import Effort, Scan, scan_of
@@ -236,7 +236,30 @@ def test_an_operation_without_translation_is_named() -> None:
     x, u, p = (ca.SX.sym(name) for name in "xup")
 
     with pytest.raises(ComputationError, match="has no translation; expected arithmetic"):
-        lower(ca.Function("step", [x, u, p], [ca.asin(x), x]))
+        lower(ca.Function("step", [x, u, p], [ca.asin(x), x]), None, LANES)
+
+
+@pytest.mark.parametrize("lanes", [1, 9, 16, 24, 40])
+def test_a_lane_has_the_same_result_in_wide_and_narrow_blocks(
+    lanes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Wide blocks are a matter of speed alone: every operation agrees to the last digit."""
+    x, u, p = (ca.SX.sym(name) for name in "xup")
+    found = [function(x + u, p) for function in OPERATIONS.values()]
+    step = ca.Function("step", [x, u, p], [0.5 * x + u, ca.vertcat(*found)])
+    rng = np.random.default_rng(0)
+    rows = [rng.normal(size=(2_000, 1)) for _ in range(2)]
+    starts = [rng.normal(size=(1, lanes)) for _ in rows]
+    parameters = rng.normal(size=(1, lanes))
+
+    results = []
+    for width in (LANES, 2 * LANES):
+        monkeypatch.setattr(scan, "_WIDE", width)
+        results.append(Scan(step)(rows, parameters, starts))
+
+    (narrow_ends, narrow), (wide_ends, wide) = results
+    np.testing.assert_array_equal(wide_ends, narrow_ends)
+    np.testing.assert_array_equal(wide, narrow)
 
 
 def test_the_same_step_is_compiled_once() -> None:
