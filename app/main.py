@@ -30,6 +30,7 @@ from app.http.middleware import (
     HeadCheck,
     RequestCheck,
     RequestLog,
+    UnexpectedErrors,
     check_form,
     host_check,
     size_check,
@@ -109,6 +110,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     application.add_middleware(RequestCheck, check=host_check(settings.hosts))
     application.add_middleware(RequestCheck, check=check_form, closing=(BadRequest,))
     application.add_middleware(RequestCheck, check=check_crowd, closing=(Unavailable,))
+    application.add_middleware(UnexpectedErrors)
     application.add_middleware(ErrorPages)
     application.add_middleware(RequestLog, metrics=services.metrics)
     application.openapi = lambda: _openapi(application)  # type: ignore[method-assign]

@@ -1,7 +1,8 @@
 """ASGI middleware: request id, log, metrics, security headers, host check and size limit.
 
-    request -> RequestLog -> ErrorPages -> check_crowd -> check_form -> host_check -> Gate
-            -> RateLimit -> size_check -> BodyDeadline -> HeadCheck -> endpoint
+    request -> RequestLog -> ErrorPages -> UnexpectedErrors -> check_crowd -> check_form
+            -> host_check -> Gate -> RateLimit -> size_check -> BodyDeadline -> HeadCheck
+            -> endpoint
 
 `ErrorPages` is in `app.pages.rendering`, `Gate` in `app.http.gate`, `RateLimit` in `app.http.rate`,
 `check_crowd` and `BodyDeadline` in `app.http.connections`.
@@ -28,12 +29,20 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.errors import BadRequest, BodyTooLarge, FieldRefused, ServiceError, WrongMediaType
 from app.http import API_PREFIX, HEALTH_PATHS, STATIC_PREFIX
 from app.http.headers import SECURITY_HEADERS, STATIC_CACHE
-from app.http.problems import problem_of
+from app.http.problems import problem_of, unexpected_problem
 from app.logging import request_id
 from app.metrics import Metrics
 from app.texts import check_text
 
-__all__ = ["HeadCheck", "RequestCheck", "RequestLog", "check_form", "host_check", "size_check"]
+__all__ = [
+    "HeadCheck",
+    "RequestCheck",
+    "RequestLog",
+    "UnexpectedErrors",
+    "check_form",
+    "host_check",
+    "size_check",
+]
 
 _GIVEN_ID = re.compile(r"[A-Za-z0-9_-]{8,64}")
 _log = logging.getLogger("app.requests")
@@ -103,6 +112,34 @@ def _template(scope: Scope) -> str:
     # A route's path is relative to its router.
     is_call = scope["path"].startswith(f"{API_PREFIX}/") and not path.startswith(API_PREFIX)
     return API_PREFIX + path if is_call else path
+
+
+class UnexpectedErrors:
+    """Middleware that logs an unexpected exception and answers with a problem response.
+
+    The handler of the framework is outside of all middleware, so its answer has neither the headers
+    of the service nor a page for browsers.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Forward a request; an exception after the first byte of the answer aborts it."""
+        has_begun = False
+
+        async def answer(message: Message) -> None:
+            nonlocal has_begun
+            has_begun = True
+            await send(message)
+
+        try:
+            await self.app(scope, receive, answer)
+        except Exception:  # any exception is a fault of the service
+            if scope["type"] != "http" or has_begun:
+                raise
+            _log.exception("unexpected error")
+            await unexpected_problem()(scope, receive, send)
 
 
 class RequestCheck:

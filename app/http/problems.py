@@ -32,6 +32,7 @@ __all__ = [
     "database_error",
     "problem_of",
     "responses",
+    "unexpected_problem",
 ]
 
 MEDIA_TYPE = "application/problem+json"
@@ -182,6 +183,16 @@ def database_error(error: SQLAlchemyError) -> errors.Unavailable | None:
     return None
 
 
+def unexpected_problem() -> JSONResponse:
+    """Problem response for a fault of the service, whose log has the exception."""
+    return _response(
+        HTTPStatus.INTERNAL_SERVER_ERROR,
+        "internal error of the service; report the request ID to its operator, who finds the cause "
+        "in the log",
+        "internal",
+    )
+
+
 def _response(
     status: HTTPStatus,
     detail: str,
@@ -274,8 +285,4 @@ async def _gone(request: Request, error: Exception) -> JSONResponse:
 
 
 async def _unexpected(request: Request, error: Exception) -> JSONResponse:
-    return _response(
-        HTTPStatus.INTERNAL_SERVER_ERROR,
-        "internal error of the service; see the entry of this request ID in its log",
-        "internal",
-    )
+    return unexpected_problem()

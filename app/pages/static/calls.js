@@ -14,9 +14,11 @@ export async function call(method, path) {
     location.assign("/login?ended");
     throw new Error("The session has expired; sign in again.");
   }
-  const content = answer.status === 204 ? null : await answer.json();
+  // A proxy in between answers with a page of its own.
+  const content = answer.status === 204 ? null : await answer.json().catch(() => ({}));
   if (!answer.ok) {
-    const text = content.detail || `The service responded with HTTP status ${answer.status}.`;
+    const request = answer.status >= 500 && content.request_id ? ` (request ${content.request_id})` : "";
+    const text = content.detail ? content.detail + request : `The service responded with HTTP status ${answer.status}.`;
     throw Object.assign(new Error(text), { status: answer.status });
   }
   return content;
