@@ -86,11 +86,22 @@ def show_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut:
     return FitOut.of(services.fits.get(caller, fit_id))
 
 
+LastEvent = Annotated[
+    str | None, Header(description="Version of the last event received; browsers send it.")
+]
+
+
 async def _listener(
-    fit_id: str, services: ServicesDep, caller: CallerDep
-) -> AsyncIterator[Listener]:
-    """Subscription to a fit, which counts as open until the response has been sent."""
+    fit_id: str, services: ServicesDep, caller: CallerDep, last_event_id: LastEvent = None
+) -> AsyncIterator[Listener | None]:
+    """Subscription to a fit, which counts as open until the response has been sent.
+
+    A client that has received the end needs none, so the limit of streams never refuses it.
+    """
     row = await to_thread.run_sync(services.fits.row, caller, fit_id)
+    if has_heard_the_end(row, last_version(last_event_id)):
+        yield None
+        return
     with services.watcher.listen(row, caller.key_id) as listener:
         yield listener
 
@@ -102,19 +113,16 @@ async def _listener(
     responses=_EVENTS | responses(404),
 )
 async def follow_fit(
-    listener: Annotated[Listener, Depends(_listener)],
+    listener: Annotated[Listener | None, Depends(_listener)],
     services: ServicesDep,
-    last_event_id: Annotated[
-        str | None, Header(description="Version of the last event received; browsers send it.")
-    ] = None,
+    last_event_id: LastEvent = None,
 ) -> Response:
     """Stream status and progress as Server-Sent Events; the stream closes when the fit ends."""
-    version = last_version(last_event_id)
-    if version and has_heard_the_end(listener.look(), version):
+    if listener is None:
         return Response(status_code=204)
     events = stream(
         listener,
-        version=version,
+        version=last_version(last_event_id),
         keep_alive_s=services.settings.keep_alive_s,
         is_stopping=services.stopping.is_set,
     )

@@ -36,9 +36,9 @@ def last_version(header: str | None) -> int:
     return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
 
 
-def has_heard_the_end(row: FitRow | None, version: int) -> bool:
+def has_heard_the_end(row: FitRow, version: int) -> bool:
     """Return True if a reconnecting client has already received the final state."""
-    return row is not None and row.status in ENDED and version >= row.version
+    return row.status in ENDED and 0 < row.version <= version
 
 
 async def stream(

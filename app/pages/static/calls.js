@@ -1,6 +1,7 @@
 // HTTP calls of the pages, with readable error messages.
 
 const PREFIX = "/api/v1";
+export const UNREACHABLE = "The service does not respond; check your connection, and that motorid serve is running.";
 
 /** Calls the service; returns the content of the response or throws a readable error. */
 export async function call(method, path) {
@@ -8,7 +9,7 @@ export async function call(method, path) {
   try {
     answer = await fetch(PREFIX + path, { method });
   } catch {
-    throw new Error("The service does not respond; check that motorid serve is running.");
+    throw new Error(UNREACHABLE);
   }
   if (answer.status === 401) {
     location.assign("/login?ended");

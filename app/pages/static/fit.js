@@ -1,49 +1,74 @@
-// Page of one fit: follows its server-sent events until the fit ends, then shows the result.
+// Page of one fit: follows its progress until the fit ends, then shows the result.
 
 import { call, hasEnded, showProblem, showProgress, wireEnds } from "/static/calls.js";
 
 const AGAIN_MS = 3000;
 const page = document.getElementById("fit-page");
+const path = `/fits/${page.dataset.fit}`;
 // A screen reader hears each stage once, and not each percent.
 const stage = document.createElement("p");
 stage.className = "hidden";
 stage.setAttribute("role", "status");
 let isCut = false;
+let events = null;
+let timer = 0;
+
+function show(fit) {
+  showProgress(page, fit);
+  if (stage.textContent !== fit.progress.stage) stage.textContent = fit.progress.stage;
+  if (isCut) showProblem();
+  isCut = false;
+}
+
+function cut() {
+  isCut = true;
+  showProblem("The service does not respond; this page continues when it does.");
+}
 
 function follow() {
-  const events = new EventSource(`/api/v1/fits/${page.dataset.fit}/events`);
-  events.addEventListener("progress", (event) => {
-    const fit = JSON.parse(event.data);
-    showProgress(page, fit);
-    if (stage.textContent !== fit.progress.stage) stage.textContent = fit.progress.stage;
-    if (isCut) showProblem();
-    isCut = false;
-  });
+  events?.close();
+  events = new EventSource(`/api/v1${path}/events`);
+  events.addEventListener("progress", ({ data }) => show(JSON.parse(data)));
   events.addEventListener("end", () => {
     events.close();
     location.reload();
   });
   events.addEventListener("error", () => {
-    isCut = true;
-    showProblem("The service does not respond; this page continues when it does.");
-    // The browser connects again after a lost connection, but not after a refusal.
-    if (events.readyState === EventSource.CLOSED) setTimeout(again, AGAIN_MS);
+    // The browser connects again after a lost connection, but not after a refusal, as at the limit of
+    // event streams.
+    if (events.readyState === EventSource.CLOSED) look(wait);
+    else cut();
   });
 }
 
-async function again() {
+function wait() {
+  clearTimeout(timer);
+  timer = setTimeout(look, AGAIN_MS, wait);
+}
+
+/** Shows the state as the service has it now, then goes on as `next` does. */
+async function look(next) {
   try {
-    const { status } = await call("GET", `/fits/${page.dataset.fit}`);
-    if (hasEnded(status)) location.reload();
-    else follow();
+    const fit = await call("GET", path);
+    if (hasEnded(fit.status)) return location.reload();
+    show(fit);
   } catch (error) {
-    if (error.status === 404) location.reload();
-    else setTimeout(again, AGAIN_MS);
+    if (error.status === 404) return location.reload();
+    cut();
+    next = wait;
   }
+  if (!document.hidden) next();
 }
 
 wireEnds((_, isRemoval) => (isRemoval ? location.assign("/") : location.reload()));
 if (!hasEnded(page.dataset.status)) {
   page.append(stage);
-  follow();
+  if (!document.hidden) follow();
+  // A browser opens six connections to a service, and each stream occupies one: six pages in the
+  // background would leave none to other pages.
+  document.addEventListener("visibilitychange", () => {
+    events?.close();
+    clearTimeout(timer);
+    if (!document.hidden) look(follow);
+  });
 }

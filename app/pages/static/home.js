@@ -1,12 +1,14 @@
 // Start page: shows the progress of fits and batches, and moves the focus from what is removed.
 
-import { call, hasEnded, showBatch, showProblem, showProgress, wireEnds } from "/static/calls.js";
+import { call, hasEnded, showBatch, showProblem, showProgress, UNREACHABLE, wireEnds } from "/static/calls.js";
 
 const WATCH_MS = 1000;
 
 /** Shows the fits and batches anew; the forms above keep what was typed. */
 function renew() {
-  return htmx.ajax("GET", location.href, { target: "#work", select: "#work", swap: "outerHTML" });
+  const lists = htmx.ajax("GET", location.href, { target: "#work", select: "#work", swap: "outerHTML" });
+  // htmx gives no reason.
+  return lists.catch(() => Promise.reject(new Error(UNREACHABLE)));
 }
 
 /** Updates the unfinished rows with the attribute `data-KIND`; returns their number. */

@@ -1,4 +1,6 @@
-// All pages: times in the reader's time zone, and problems that end with the next success.
+// All pages: times in the reader's time zone, lost connections, and problems that end with the next success.
+
+import { showProblem, UNREACHABLE } from "/static/calls.js";
 
 function localTime(text) {
   // The Swedish form is ISO 8601, which no reader mistakes for month and day exchanged.
@@ -30,6 +32,11 @@ function showLocalTimes(root) {
 htmx.logger = (_, name, detail) => {
   if (name === "htmx:sendAbort" || name === "htmx:afterRequest") delete detail.error;
 };
+
+document.addEventListener("htmx:sendError", () => showProblem(UNREACHABLE));
+
+// Who signs in next in this tab does not get what was typed.
+document.querySelector("form.who")?.addEventListener("submit", () => sessionStorage.clear());
 
 showLocalTimes(document);
 document.addEventListener("htmx:load", (event) => showLocalTimes(event.detail.elt.parentElement ?? document));

@@ -1,0 +1,183 @@
+"""Pages in a browser that signed in with a key: lost sessions, and limits of its event streams."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.app.browser import BROWSER, needs_browser
+from tests.app.pretended import FAMILY, SLOW
+from tests.app.service import Caller, Server, make_key, run_text, serving
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+pytestmark = needs_browser
+
+STREAMS = 1
+OPTIONS = {
+    "known": "Kt25=0.05",
+    "nameplate": "voltage=12, no_load_speed=3000rpm",
+    "effort": "quick",
+    "seed": "7",
+}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Service with keys, each of which may have one event stream."""
+    data_dir = tmp_path_factory.mktemp("signed") / "data"
+    make_key(data_dir)
+    with serving(data_dir, STREAMS_PER_KEY=STREAMS, WORKERS=3) as running:
+        yield running
+
+
+@pytest.fixture
+def key(server: Server) -> str:
+    """Key that no other test uses."""
+    return make_key(server.data_dir, "bench")
+
+
+@pytest.fixture
+def caller(server: Server, key: str) -> Iterator[Caller]:
+    """Script with this key."""
+    with Caller(server, key) as made:
+        yield made
+
+
+@pytest.fixture
+def page(server: Server, key: str) -> Iterator[Page]:
+    """Start page in a browser that signed in with this key."""
+    with sync_api.sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
+        opened = browser.new_context(base_url=server.url).new_page()
+        opened.set_default_timeout(60_000)
+        opened.goto("/")
+        sign_in(opened, key)
+        yield opened
+        browser.close()
+
+
+def sign_in(page: Page, key: str) -> None:
+    """Type the key on the login page."""
+    page.fill("#key", key)
+    page.click("main >> text=Sign in >> nth=-1")
+    page.wait_for_selector("#upload-title")
+
+
+def options(page: Page) -> dict[str, str]:
+    """Values of the fields of `OPTIONS`."""
+    return {name: page.input_value(f"#start [name={name}]") for name in OPTIONS}
+
+
+def test_options_of_a_fit_outlive_the_session(page: Page, caller: Caller, key: str) -> None:
+    """They are there after the next sign-in, and the key is in no storage of the browser."""
+    caller.upload(run_text(1))
+    page.reload()
+    defaults = options(page)
+    page.click("text=More options")
+    for name, value in OPTIONS.items():
+        field = page.locator(f"#start [name={name}]")
+        field.select_option(value) if name == "effort" else field.fill(value)
+    page.uncheck("[name=posterior]")
+    page.context.clear_cookies()
+    page.click("text=Start fit")
+    page.wait_for_url("**/login?ended")
+    sign_in(page, key)
+
+    assert options(page) == OPTIONS
+    assert not page.is_checked("[name=posterior]")
+    assert page.locator("[name=known]").is_visible()
+    assert "motorid_" not in page.evaluate("JSON.stringify([sessionStorage, localStorage])")
+    with page.expect_navigation():
+        page.click("text=Start fit")
+    page.goto("/")
+    assert options(page) == defaults, "a fit was started with them"
+
+
+def test_options_of_a_fit_end_with_the_sign_out(page: Page, caller: Caller, key: str) -> None:
+    """The next user of this tab gets the defaults, and so does another workspace."""
+    caller.upload(run_text(2))
+    page.reload()
+    defaults = options(page)
+    page.click("text=More options")
+    page.fill("[name=known]", OPTIONS["known"])
+    page.evaluate(
+        "sessionStorage.setItem('fit-options', JSON.stringify({"
+        "workspace: 'other', chosen: [['known', 'L=1']]}))"
+    )
+    page.reload()
+    other = options(page)
+    page.click("text=More options")
+    page.fill("[name=known]", OPTIONS["known"])
+    page.click("text=Sign out")
+    page.wait_for_selector("#key")
+    sign_in(page, key)
+
+    assert (other, options(page)) == (defaults, defaults)
+
+
+def test_page_beyond_the_limit_of_streams_still_shows_the_progress(
+    page: Page, caller: Caller
+) -> None:
+    """One refused stream; then the page asks for the state, without a word of a lost service."""
+    run = caller.upload(run_text(3))["id"]
+    endless = caller.begin(run, seed=FAMILY)["id"]
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    with caller.http.stream("GET", f"/fits/{endless}/events") as held:
+        assert held.status_code == 200
+        fit = caller.begin(run, seed=SLOW)["id"]
+        page.goto(f"/fits/{fit}")
+        page.wait_for_selector(".state.running")
+        problem = page.inner_text("#problem")
+        page.wait_for_selector(".state.succeeded")
+    caller.client.delete_fit(endless)
+
+    assert problem == ""
+    assert sum(url.endswith("/events") for url in asked) == 1
+    assert sum(url.endswith(f"/api/v1/fits/{fit}") for url in asked) <= 4
+
+
+def test_hidden_page_of_a_fit_has_no_stream(page: Page, caller: Caller) -> None:
+    """A browser has six connections to a service, which pages in the background would use up."""
+    run = caller.upload(run_text(4))["id"]
+    fit = caller.begin(run, seed=FAMILY)["id"]
+    page.goto(f"/fits/{fit}")
+    page.wait_for_selector(".state.running")
+    set_hidden = """isHidden => {
+      Object.defineProperty(document, "hidden", {value: isHidden, configurable: true});
+      document.dispatchEvent(new Event("visibilitychange"));
+    }"""
+
+    with page.expect_event("requestfailed", lambda one: one.url.endswith("/events")):
+        page.evaluate(set_hidden, True)
+    with page.expect_response(re.compile("/events$")) as again:
+        page.evaluate(set_hidden, False)
+    caller.http.delete(f"/fits/{fit}")
+    page.wait_for_selector(".state.cancelled")
+
+    assert again.value.status == 200
+
+
+def test_listener_that_has_heard_the_end_needs_no_stream(caller: Caller) -> None:
+    """A browser that reconnects at the limit of streams is stopped by 204 and not refused."""
+    run = caller.upload(run_text(5))["id"]
+    ended, endless = caller.begin(run, posterior=False)["id"], caller.begin(run, seed=FAMILY)["id"]
+    caller.wait(ended)
+    heard = caller.http.get(f"/fits/{ended}/events").text
+    version = re.findall(r"^id: (\d+)$", heard, re.MULTILINE)[-1]
+    with caller.http.stream("GET", f"/fits/{endless}/events"):
+        refused = caller.http.get(f"/fits/{ended}/events")
+        stopped = caller.http.get(f"/fits/{ended}/events", headers={"Last-Event-ID": version})
+    caller.client.delete_fit(endless)
+
+    assert refused.status_code == 429
+    assert int(refused.headers["retry-after"]) > 0
+    assert stopped.status_code == 204
