@@ -23,7 +23,7 @@ from app.pages.analysis_views import (
     prediction_view,
     tuning_view,
 )
-from app.pages.forms import FIELDS, DesignForm, LoopForm, TuningForm
+from app.pages.forms import FIELDS, DesignForm, LoopForm, PredictionForm, TuningForm
 from app.pages.rendering import Page
 from app.pages.results import comparison_view
 from app.pages.views import fit_view
@@ -104,18 +104,25 @@ def prediction_page(
     page: Page,
     services: ServicesDep,
     caller: CallerDep,
-    run: Annotated[str, Query(max_length=60)] = "",
-    declared: bool = False,
+    form: Annotated[PredictionForm, Query()],
 ) -> HTMLResponse:
     """A stored run, measured and simulated with the model of a fit, and a form to select it."""
     fit = services.analyses.succeeded(caller, fit_id)
-    runs, _ = services.runs.page(caller, after=None, limit=_MOST_RUNS, motor=None)
+    run, after = form.run, form.after or None
+    listed, older = services.runs.page(caller, after=after, limit=_MOST_RUNS, motor=None)
+    runs = {one.id: one for one in listed}
+    if not after and fit.row.motor:
+        # The runs of the motor, however many others are newer.
+        own, _ = services.runs.page(caller, after=None, limit=_MOST_RUNS, motor=fit.row.motor)
+        runs |= {one.id: one for one in own}
     problem, shown, file = "", None, ""
     if run:
+        # A selected run may be older than all that the list holds.
+        runs.setdefault(run, services.runs.get(caller, run))
+    if run and not after:
         try:
-            row, found = services.analyses.prediction(caller, fit_id, run, declared=declared)
+            row, found = services.analyses.prediction(caller, fit_id, run, declared=form.declared)
             file, shown = row.file, prediction_view(row.file, found)
-            runs = [*runs, *([] if any(one.id == row.id for one in runs) else [row])]
         except RunRefused as error:
             problem = f"{error.message}."
     return page(
@@ -123,9 +130,12 @@ def prediction_page(
         status=422 if problem else 200,
         fit=fit_view(FitSummary.of(fit), {}),
         training=fit.training,
-        runs=by_motor(runs, fit.row.motor),
+        runs=by_motor(list(runs.values()), fit.row.motor),
+        listed=len(listed),
+        after=after,
+        older=older,
         chosen=run,
-        declared=declared,
+        declared=form.declared,
         file=file,
         problem=problem,
         prediction=shown,
@@ -198,26 +208,32 @@ def compare_page(
     services: ServicesDep,
     caller: CallerDep,
     fit: Annotated[list[str] | None, Query(max_length=20)] = None,
+    after: Annotated[str, Query(max_length=200)] = "",
 ) -> HTMLResponse:
     """Two fits side by side, the older one first, and a form to select others."""
     chosen = [one for one in dict.fromkeys(fit or ()) if one]
-    choices, _ = services.fits.page(caller, after=None, limit=_MOST_FITS, status="succeeded")
+    choices, older = services.fits.page(
+        caller, after=after or None, limit=_MOST_FITS, status="succeeded"
+    )
     listed = [fit_view(FitSummary.of(one), {}) for one in choices]
-    problem, comparison, compared = "", None, []
-    if len(chosen) == 2:
-        both = [services.analyses.succeeded(caller, fit_id) for fit_id in chosen]
+    both = [services.analyses.succeeded(caller, fit_id) for fit_id in chosen[:2]]
+    problem, comparison = "", None
+    if len(chosen) == 2 and not after:
         both.sort(key=lambda one: one.row.created_at)
-        compared = [fit_view(FitSummary.of(one), {}) for one in both]
         steps, problem = _compared_steps(services, caller, both)
         comparison = comparison_view([one.result or {} for one in both], steps)
-    elif chosen:
+    elif chosen and not after:
         problem = f"Select two different fits (selected: {len(chosen)})."
+    selected = [fit_view(FitSummary.of(one), {}) for one in both]
     return page(
         "compare",
-        fits=compared,
-        chosen=[one["id"] for one in compared] or (chosen + [""] * 2)[:2],
+        fits=selected,
+        chosen=[*(one["id"] for one in selected), "", ""][:2],
         # A selected fit may be older than all that the list holds.
-        choices=[*compared, *(one for one in listed if one not in compared)],
+        choices=[*selected, *(one for one in listed if one not in selected)],
+        listed=len(listed),
+        after=after,
+        older=older,
         problem=problem,
         comparison=comparison,
     )

@@ -58,7 +58,7 @@ def home(
 ) -> HTMLResponse:
     """Start page with runs, batches and the newest fits, or the fits after a cursor."""
     fits, older = services.fits.page(caller, after=after, limit=_MOST_FITS)
-    batches, _ = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
+    batches, earlier = services.batches.page(caller, after=None, limit=_MOST_BATCHES)
     return page(
         "home",
         pending=pending_list_view(services, caller),
@@ -67,6 +67,7 @@ def home(
         fits=[fit_view(FitSummary.of(fit), {}) for fit in fits],
         after=after,
         older=older,
+        has_more_batches=earlier is not None,
         batches=[batch_view(BatchSummary.of(batch)) for batch in batches],
     )
 

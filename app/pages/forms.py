@@ -9,13 +9,22 @@ from dataclasses import dataclass
 from typing import Any, Final, Self
 
 from fastapi import Request
+from pydantic import BaseModel, Field
 
 from app.errors import FieldRefused
 from app.texts import parts
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
-__all__ = ["FIELDS", "DesignForm", "LoopForm", "TuningForm", "number", "texts_of"]
+__all__ = [
+    "FIELDS",
+    "DesignForm",
+    "LoopForm",
+    "PredictionForm",
+    "TuningForm",
+    "number",
+    "texts_of",
+]
 
 _MOST_TEMPERATURES: Final = 5
 _GAINS: Final = {"P": ("kp",), "PI": ("kp", "ki"), "PID": ("kp", "ki", "kd")}
@@ -193,6 +202,17 @@ def _rise_time(result: Mapping[str, Any]) -> str:
     times = [entry["rise_time_s"]["median"] for entry in result.get("feedback_suited") or ()]
     known = [time for time in times if time is not None]
     return f"{2.0 * max(known):.2g}" if known else ""
+
+
+class PredictionForm(BaseModel):
+    """Run to predict, selected from a list."""
+
+    run: str = Field(default="", max_length=60)
+    """ID of the run."""
+    declared: bool = False
+    """Simulate the nominal model instead of the final one."""
+    after: str = Field(default="", max_length=200)
+    """Cursor of a list of older runs, from which nothing is predicted yet."""
 
 
 @dataclass(frozen=True)
