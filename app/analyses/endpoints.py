@@ -17,7 +17,7 @@ from app.analyses.schemas import (
     TuningOut,
 )
 from app.errors import FieldRefused
-from app.http.dependencies import JSON_CALL, CallerDep, ServicesDep
+from app.http.dependencies import JSON_CALL, CallerDep, IsWanted, ServicesDep
 from app.http.files import OpenFileResponse
 from app.http.problems import responses
 
@@ -68,11 +68,18 @@ def tune_loop(fit_id: str, body: TuningIn, services: ServicesDep, caller: Caller
     },
 )
 def fetch_prediction(
-    fit_id: str, run_id: str, services: ServicesDep, caller: CallerDep, declared: Declared = False
+    fit_id: str,
+    run_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    is_wanted: IsWanted,
+    declared: Declared = False,
 ) -> OpenFileResponse:
     """Fetch the simulated signals of a stored run, as `motorid predict` writes them."""
     return OpenFileResponse(
-        services.analyses.prediction_table(caller, fit_id, run_id, declared=declared),
+        services.analyses.prediction_table(
+            caller, fit_id, run_id, declared=declared, is_wanted=is_wanted
+        ),
         media_type="text/csv; charset=utf-8",
         filename=f"{run_id}.csv",
     )
@@ -82,15 +89,24 @@ def fetch_prediction(
     "/{fit_id}/predictions/{run_id}", summary="Predict a run", responses=responses(404, 422, 503)
 )
 def predict_run(
-    fit_id: str, run_id: str, services: ServicesDep, caller: CallerDep, declared: Declared = False
+    fit_id: str,
+    run_id: str,
+    services: ServicesDep,
+    caller: CallerDep,
+    is_wanted: IsWanted,
+    declared: Declared = False,
 ) -> PredictionOut:
     """Simulate a stored run from its inputs and compare it with the measured signals."""
-    run, prediction = services.analyses.prediction(caller, fit_id, run_id, declared=declared)
+    run, prediction = services.analyses.prediction(
+        caller, fit_id, run_id, declared=declared, is_wanted=is_wanted
+    )
     return PredictionOut.of(fit_id, run.id, declared, prediction)
 
 
 @designs.post("", summary="Design a run", **JSON_CALL)
-def design_run(body: DesignIn, services: ServicesDep, caller: CallerDep) -> DesignOut:
+def design_run(
+    body: DesignIn, services: ServicesDep, caller: CallerDep, is_wanted: IsWanted
+) -> DesignOut:
     """Design the voltage of the next run of a motor, or of the first run of a nameplate.
 
     The run separates the alternatives of the fit and narrows its parameters within the limits, as
@@ -98,5 +114,7 @@ def design_run(body: DesignIn, services: ServicesDep, caller: CallerDep) -> Desi
     """
     if (body.fit is None) == (body.nameplate is None):
         raise FieldRefused("expected either fit or nameplate", field="fit")
-    found = services.analyses.design(caller, body.fit, body.options(), body.nameplate or "")
+    found = services.analyses.design(
+        caller, body.fit, body.options(), body.nameplate or "", is_wanted=is_wanted
+    )
     return DesignOut(design=found.entry, table=found.table)

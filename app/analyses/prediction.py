@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import signal
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -47,8 +47,9 @@ class Design:
 class Predictor:
     """Predictor of runs in child processes of a fork server for `app.analyses.predictor`.
 
-    Each method raises `RunRefused` if the computation exceeds the limits or the result or the
-    request does not allow it, and `Unavailable` if it cannot be done now.
+    A computation whose answer is no longer wanted is ended.  Each method raises `RunRefused` if the
+    computation exceeds the limits or the result or the request does not allow it, and `Unavailable`
+    if it cannot be done now.
     """
 
     def __init__(self, fork_server: ForkServer, limits: ProcessLimits, max_rows: int) -> None:
@@ -64,6 +65,7 @@ class Predictor:
         *,
         declared: bool,
         table: BinaryIO | None = None,
+        is_wanted: Callable[[], bool] = lambda: True,
     ) -> Prediction:
         """Simulate a stored run from its inputs, with the nominal or the final model.
 
@@ -78,18 +80,22 @@ class Predictor:
             "declared": declared,
             "has_table": table is not None,
         }
-        found = self._fork_server.answer(task, self._limits, table)
+        found = self._fork_server.answer(task, self._limits, table, is_wanted)
         if "prediction" in found:
             return Prediction(**found["prediction"])
         raise self._refusal(run.file, found)
 
     def design(
-        self, options: Mapping[str, Any], nameplate: str, result: Mapping[str, Any] | None
+        self,
+        options: Mapping[str, Any],
+        nameplate: str,
+        result: Mapping[str, Any] | None,
+        is_wanted: Callable[[], bool] = lambda: True,
     ) -> Design:
         """Design a run with fields of `DesignOptions`, for a result or else a nameplate."""
         task = {"design": options, "nameplate": nameplate, "result": result}
         table = io.BytesIO()
-        found = self._fork_server.answer(task, self._limits, table)
+        found = self._fork_server.answer(task, self._limits, table, is_wanted)
         if "design" in found:
             return Design(found["design"], table.getvalue().decode())
         raise self._refusal("the next run", found, "design")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, cast
@@ -131,6 +131,7 @@ class AnalysisService:
         *,
         declared: bool = False,
         table: BinaryIO | None = None,
+        is_wanted: Callable[[], bool] = lambda: True,
     ) -> tuple[RunRow, Prediction]:
         """Simulate a stored run with the model of a fit, and compare it with the measurement.
 
@@ -148,11 +149,16 @@ class AnalysisService:
             )
         with self._turn():
             return run, self._predictor.predict(
-                run, self._storage.run(run.id), fit.result or {}, declared=declared, table=table
+                run,
+                self._storage.run(run.id),
+                fit.result or {},
+                declared=declared,
+                table=table,
+                is_wanted=is_wanted,
             )
 
     def prediction_table(
-        self, caller: Caller, fit_id: str, run_id: str, *, declared: bool = False
+        self, caller: Caller, fit_id: str, run_id: str, **options: Any
     ) -> BinaryIO:
         """The table of a prediction as an open CSV file, as `motorid predict` writes it.
 
@@ -163,14 +169,20 @@ class AnalysisService:
         with refused_when_full("table"), ExitStack() as stack:
             unnamed = tempfile.TemporaryFile(dir=self._storage.incoming)
             table = cast(BinaryIO, stack.enter_context(unnamed))
-            self.prediction(caller, fit_id, run_id, declared=declared, table=table)
+            self.prediction(caller, fit_id, run_id, table=table, **options)
             table.flush()
             table.seek(0)
             stack.pop_all()
             return table
 
     def design(
-        self, caller: Caller, fit_id: str | None, options: Mapping[str, Any], nameplate: str = ""
+        self,
+        caller: Caller,
+        fit_id: str | None,
+        options: Mapping[str, Any],
+        nameplate: str = "",
+        *,
+        is_wanted: Callable[[], bool] = lambda: True,
     ) -> Design:
         """Design the next run of the motor of a fit, or the first run of a nameplate.
 
@@ -184,7 +196,7 @@ class AnalysisService:
         DesignOptions(**options)  # Refuses here what the process would refuse later.
         result = None if fit_id is None else self.succeeded(caller, fit_id).result or {}
         with self._turn():
-            return self._predictor.design(options, nameplate, result)
+            return self._predictor.design(options, nameplate, result, is_wanted)
 
     def succeeded(self, caller: Caller, fit_id: str) -> StoredFit:
         """Succeeded fit with its result."""

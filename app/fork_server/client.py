@@ -23,10 +23,11 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from app.errors import Unavailable
+from app.errors import BadRequest, Unavailable
 from app.fork_server.child import ProcessLimits, child_environment
 from app.fork_server.process import FORK, KILL
 
@@ -37,6 +38,7 @@ _BLOCK_BYTES = 65536
 _MOST_BLOCKS = 64
 _KILL_S = 10.0
 _START_S = 60.0
+_LOOK_S = 0.5
 
 
 class ForkServer:
@@ -89,11 +91,16 @@ class ForkServer:
         return Task(self, token, incoming)
 
     def answer(
-        self, task: dict[str, Any], limits: ProcessLimits, table: BinaryIO | None = None
+        self,
+        task: dict[str, Any],
+        limits: ProcessLimits,
+        table: BinaryIO | None = None,
+        is_wanted: Callable[[], bool] = lambda: True,
     ) -> dict[str, Any]:
         """Merged messages of a task with limits, including its exit code; rows go to the table.
 
         Raises:
+            BadRequest: The answer was no longer wanted, and the task was killed.
             Unavailable: The task cannot be started now.
         """
         deadline = time.monotonic() + _START_S + limits.wall_s
@@ -106,7 +113,9 @@ class ForkServer:
         found: dict[str, Any] = {}
         try:
             while not child.has_ended and time.monotonic() < deadline:
-                for message in child.messages(wait_s=deadline - time.monotonic()):
+                if not is_wanted():
+                    raise BadRequest("the client disconnected before the answer was complete")
+                for message in child.messages(wait_s=min(_LOOK_S, deadline - time.monotonic())):
                     rows = message.pop("table", None)
                     if rows is not None and table is not None:
                         table.write(rows.encode())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
+from collections.abc import AsyncIterator, Callable
 from typing import Annotated, Any
 
 from fastapi import Depends, Header, Query, Request
@@ -11,7 +14,16 @@ from app.composition import Services
 from app.errors import BadKey, WrongMediaType
 from app.http.problems import responses
 
-__all__ = ["JSON_CALL", "After", "CallerDep", "Limit", "OnlyMotor", "RequestKey", "ServicesDep"]
+__all__ = [
+    "JSON_CALL",
+    "After",
+    "CallerDep",
+    "IsWanted",
+    "Limit",
+    "OnlyMotor",
+    "RequestKey",
+    "ServicesDep",
+]
 
 
 def _services(request: Request) -> Services:
@@ -33,8 +45,26 @@ def _json_body(request: Request) -> None:
         raise WrongMediaType("expected a body of the type application/json")
 
 
+async def _is_wanted(request: Request) -> AsyncIterator[Callable[[], bool]]:
+    is_gone = threading.Event()
+
+    async def watch() -> None:
+        # The body, if any, was read before the endpoint was called.
+        while (await request.receive())["type"] != "http.disconnect":
+            pass
+        is_gone.set()
+
+    watching = asyncio.create_task(watch())
+    try:
+        yield lambda: not is_gone.is_set()
+    finally:
+        watching.cancel()
+
+
 ServicesDep = Annotated[Services, Depends(_services)]
 CallerDep = Annotated[Caller, Depends(_caller)]
+IsWanted = Annotated[Callable[[], bool], Depends(_is_wanted)]
+"""Function that returns False once the client has disconnected, for computations of seconds."""
 JSON_CALL: dict[str, Any] = {
     "dependencies": [Depends(_json_body)],
     "responses": responses(400, 403, 404, 413, 415, 422),

@@ -14,7 +14,7 @@ from app.composition import Services
 from app.errors import FieldRefused, RunRefused
 from app.fits.schemas import FitSummary
 from app.fits.service import StoredFit
-from app.http.dependencies import CallerDep, ServicesDep
+from app.http.dependencies import CallerDep, IsWanted, ServicesDep
 from app.pages.analysis_views import (
     by_motor,
     design_view,
@@ -105,6 +105,7 @@ def prediction_page(
     services: ServicesDep,
     caller: CallerDep,
     form: Annotated[PredictionForm, Query()],
+    is_wanted: IsWanted,
 ) -> HTMLResponse:
     """A stored run, measured and simulated with the model of a fit, and a form to select it."""
     fit = services.analyses.succeeded(caller, fit_id)
@@ -121,7 +122,9 @@ def prediction_page(
         runs.setdefault(run, services.runs.get(caller, run))
     if run and not after:
         try:
-            row, found = services.analyses.prediction(caller, fit_id, run, declared=form.declared)
+            row, found = services.analyses.prediction(
+                caller, fit_id, run, declared=form.declared, is_wanted=is_wanted
+            )
             file, shown = row.file, prediction_view(row.file, found)
         except RunRefused as error:
             problem = f"{error.message}."
@@ -144,14 +147,20 @@ def prediction_page(
 
 @router.get("/fits/{fit_id}/design")
 def design_page(
-    fit_id: str, page: Page, request: Request, services: ServicesDep, caller: CallerDep
+    fit_id: str,
+    page: Page,
+    request: Request,
+    services: ServicesDep,
+    caller: CallerDep,
+    is_wanted: IsWanted,
 ) -> HTMLResponse:
     """Form of the next run, and the expected gain once it was submitted."""
     fit = services.analyses.succeeded(caller, fit_id)
     form, problem, shown = DesignForm.of(request.query_params), "", None
     if request.query_params:
         try:
-            shown = design_view(services.analyses.design(caller, fit_id, form.options))
+            found = services.analyses.design(caller, fit_id, form.options, is_wanted=is_wanted)
+            shown = design_view(found)
         except InputError as error:
             problem = sentence(str(error))
         except (FieldRefused, RunRefused) as error:
@@ -159,7 +168,8 @@ def design_page(
     effects = (fit.result or {}).get("effects") or ()
     return page(
         "design",
-        status=422 if problem else 200,
+        # htmx shows the refusal in the place of the answer only if the answer is a success.
+        status=422 if problem and "hx-request" not in request.headers else 200,
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         query=urlencode(request.query_params),
@@ -171,11 +181,11 @@ def design_page(
 
 @router.get("/fits/{fit_id}/design.csv")
 def design_file(
-    fit_id: str, request: Request, services: ServicesDep, caller: CallerDep
+    fit_id: str, request: Request, services: ServicesDep, caller: CallerDep, is_wanted: IsWanted
 ) -> Response:
     """Profile of the next run as a file; the query is that of the page."""
     form = DesignForm.of(request.query_params)
-    design = services.analyses.design(caller, fit_id, form.options)
+    design = services.analyses.design(caller, fit_id, form.options, is_wanted=is_wanted)
     return Response(
         design.table,
         media_type="text/csv; charset=utf-8",

@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from app.analyses.prediction import Predictor
-from app.errors import RunRefused, Unavailable
+from app.errors import BadRequest, RunRefused, Unavailable
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer, Task
 from app.tables import RunRow
@@ -85,3 +85,15 @@ def test_end_without_a_prediction_has_a_reason(
     """A limit names the command that has none."""
     with pytest.raises(error, match=words):
         predictor(message).predict(RUN, Path("a"), {}, declared=False)
+
+
+def test_computation_that_nobody_waits_for_is_killed() -> None:
+    """The client disconnects after the first look, and the task has not ended by then."""
+    task = Answering({"table": "0,1,2\n"}, {"prediction": FOUND}, {"exit": 0})
+    looks = iter([True, False])
+    made = Predictor(Starting(task), ProcessLimits(2_000_000_000, cpu_s=60, wall_s=120.0), 1000)
+
+    with pytest.raises(BadRequest, match="the client disconnected"):
+        made.predict(RUN, Path("a"), {}, declared=False, is_wanted=lambda: next(looks))
+
+    assert task.was_killed

@@ -1,0 +1,121 @@
+"""Page of the next run in a browser: state of the computation, its end, and lost connections."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from identification.ingest import write_run
+from motorid.client import Client
+from tests.app.browser import BROWSER, needs_browser
+from tests.app.service import Server, serving
+from tests.motors import campaign, motor_named
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+pytestmark = needs_browser
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, str]]:
+    """Service with a fit of one run of the 100 W servo."""
+    directory = tmp_path_factory.mktemp("design")
+    [run] = campaign(motor_named("servo 100 W"), seed=3, runs=1, rows=400)
+    write_run(run, Path(directory, "run.csv"))
+    settings = {"PIPELINE": "identification.pipeline:identify"}
+    options = {"posterior": False, "effects": False}
+    with (
+        serving(directory / "data", "--no-auth", **settings) as server,
+        Client(server.url) as client,
+    ):
+        stored = client.upload(directory / "run.csv")
+        yield server, client.wait(client.fit([stored], options=options)).id
+
+
+@pytest.fixture
+def page(fit: tuple[Server, str]) -> Iterator[Page]:
+    """Page of the next run."""
+    server, fit_id = fit
+    with sync_api.sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
+        opened = browser.new_context().new_page()
+        opened.set_default_timeout(60_000)
+        opened.goto(f"{server.url}/fits/{fit_id}/design")
+        yield opened
+        browser.close()
+
+
+def requests_of(server: Server, path: str) -> list[dict[str, Any]]:
+    """Entries of the log for ended requests of a path."""
+    entries = [json.loads(line) for line in list(server.log) if line.startswith("{")]
+    return [e for e in entries if e["message"] == "request" and e["path"] == path]
+
+
+def test_design_is_shown_in_its_place_and_asked_for_once(page: Page) -> None:
+    """While it is computed the page says so, and neither key nor click sends it again."""
+    sent: list[str] = []
+    page.on("request", lambda request: sent.append(request.url))
+    page.fill("#narrow", "J")
+    page.press("#narrow", "Enter")
+    page.wait_for_selector("text=The run is designed")
+    is_disabled = page.is_disabled("form.loop button")
+    page.press("#narrow", "Enter")
+    page.wait_for_selector("#gain-title")
+
+    assert is_disabled
+    assert sum("/design?" in url for url in sent) == 1
+    assert "narrow=J" in page.url
+    assert page.is_hidden(".busy")
+    assert page.is_enabled("form.loop button")
+    assert page.evaluate("document.activeElement.id") == "gain-title"
+
+
+def test_refused_design_leaves_the_form(page: Page) -> None:
+    """The sentence stands in the place of the design, and the field keeps its text."""
+    page.fill("#limits", "current=x")
+    page.click("form.loop button")
+    page.wait_for_selector("#answer >> text=positive number in A")
+
+    assert page.input_value("#limits") == "current=x"
+    assert page.is_hidden(".busy")
+
+
+def test_cancelled_design_is_ended_by_the_service(page: Page, fit: tuple[Server, str]) -> None:
+    """Status 400 in the log: the process was killed when the browser closed the request."""
+    server, fit_id = fit
+    before = len(requests_of(server, f"/fits/{fit_id}/design"))
+    page.click("form.loop button")
+    page.click("text=Cancel")
+    page.wait_for_selector(".busy", state="hidden")
+    deadline = time.monotonic() + 60.0
+    while len(ended := requests_of(server, f"/fits/{fit_id}/design")[before:]) < 1:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+    assert [entry["status"] for entry in ended] == [400]
+    assert page.inner_text("#problem") == ""
+    assert page.evaluate("document.activeElement.textContent") == "Design"
+
+
+def test_lost_connection_is_said_and_the_form_remains(page: Page) -> None:
+    """The next design, once there is a connection, removes the sentence."""
+    page.fill("#limits", "current=-1")
+    page.context.set_offline(True)
+    page.click("form.loop button")
+    page.wait_for_selector("#problem >> text=does not respond")
+    shown = page.is_visible(".busy")
+    page.context.set_offline(False)
+    page.click("form.loop button")
+    page.wait_for_selector("#answer >> text=positive number in A")
+
+    assert not shown
+    assert page.inner_text("#problem") == ""
