@@ -34,7 +34,8 @@ RUN tools/bin/python -m hatchling build --target wheel --directory wheel \
 FROM build AS site
 
 # The tools of the documentation stay behind in this stage.  The site links to some of the files
-# below by their paths, and its build checks that they exist.
+# below by their paths, and its build checks that they exist.  The references that it generates need
+# the installed package, whose version they state.
 COPY requirements/dev.txt requirements/
 RUN pip install --require-hashes --only-binary :all: --requirement requirements/dev.txt
 COPY mkdocs.yml Dockerfile ./
@@ -42,7 +43,8 @@ COPY docs docs
 COPY bench bench
 COPY benchmarks benchmarks
 COPY data data
-RUN NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict --site-dir /opt/help
+RUN pip install --no-deps wheel/*.whl \
+    && NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict --site-dir /opt/help
 
 
 FROM ${BASE}

@@ -148,6 +148,8 @@ def test_image_has_the_documentation_and_not_its_tools() -> None:
     assert taken == [["--from=site", directory, directory]]
     assert shlex.split(built)[-2:] == ["--site-dir", directory]
     assert "--strict" in built
+    # The generated references state the version, which only an installed package has.
+    assert built.startswith("RUN pip install --no-deps wheel/*.whl")
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
