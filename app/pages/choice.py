@@ -38,11 +38,13 @@ MotorFilter = Annotated[str | None, Query(max_length=200)]
 def choice_of(services: Services, caller: Caller, motor: str | None) -> dict[str, Any]:
     """View of the runs of a motor with their roles.
 
-    The motor ``*`` stands for all, None for that of the newest run.
+    The motor ``*`` stands for all, as does one without runs; None for that of the newest run.
     """
+    motors = services.choice.motors(caller)
     if motor is None:
         newest, _ = services.runs.page(caller, after=None, limit=1, motor=None)
-        motor = (newest[0].motor if newest else None) or "*"
+        motor = newest[0].motor if newest else None
+    motor = motor if motor in motors else "*"
     wanted = None if motor == "*" else motor
     runs, more = services.runs.page(caller, after=None, limit=_MOST_ROWS, motor=wanted)
     roles, is_proposal = services.choice.roles(runs)
@@ -53,7 +55,8 @@ def choice_of(services: Services, caller: Caller, motor: str | None) -> dict[str
         "is_proposal": is_proposal and bool(runs),
         "has_more": more is not None,
         "motor": motor,
-        "motors": services.choice.motors(caller),
+        "motors": motors,
+        "moved": None,
         "is_mixed": len({run.motor for run in runs if roles[run.id]}) > 1,
     }
 
@@ -125,6 +128,9 @@ async def rename(
     name = (await texts_of(request)).get(f"motor.{run_id}", "")
     await to_thread.run_sync(services.choice.rename, caller, run_id, name)
     view = await to_thread.run_sync(choice_of, services, caller, motor)
+    if run_id not in [run["id"] for run in view["runs"]]:
+        run = await to_thread.run_sync(services.runs.get, caller, run_id)
+        view["moved"] = {"file": run.file, "motor": run.motor}
     return page("choice", choice=view)
 
 

@@ -98,7 +98,10 @@ def test_options_of_a_fit_outlive_the_session(page: Page, caller: Caller, key: s
     with page.expect_navigation():
         page.click("text=Start fit")
     page.goto("/")
-    assert options(page) == defaults, "a fit was started with them"
+    assert options(page) == OPTIONS, "the motor is fitted again after a refused fit"
+    caller.upload(run_text(6), motor="another")
+    page.goto("/")
+    assert options(page) == defaults
 
 
 def test_options_of_a_fit_end_with_the_sign_out(page: Page, caller: Caller, key: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -152,3 +153,36 @@ def test_what_another_tab_removed_leaves_the_lists(page: Page, tmp_path: Path) -
     assert page.locator("#runs tr", has_text="run30.csv").count() == 1
     assert page.locator("article").count() == 1
     assert page.input_value("[name=known]") == "Kt25=0.05"
+
+
+def test_run_that_gets_another_motor_leaves_the_table_with_a_word(
+    page: Page, tmp_path: Path
+) -> None:
+    """The keyboard goes on with the next run; after the last one the table shows all motors."""
+    page.fill("#motor", "motor 17")
+    drop(page, tmp_path, 40, 41)
+    page.click("text=Add 2 runs")
+    page.locator("#runs tr").nth(1).wait_for()
+    rename(page, "run41.csv")
+    said = page.locator("#choice .notice").inner_text()
+    reached = page.evaluate("document.activeElement.ariaLabel")
+    rename(page, "run40.csv")
+    page.locator("#runs tr").nth(1).wait_for()
+
+    assert re.sub("[\u2068\u2069]", "", said) == (
+        "run41.csv now belongs to “motor 170”. This table shows the runs of “motor 17”."
+    )
+    assert reached == "Role of run40.csv"
+    assert page.input_value("#choice-motor") == "*"
+    assert page.evaluate("document.activeElement.id").startswith("mapping-")
+
+
+def rename(page: Page, file: str) -> None:
+    """Type a digit behind the motor of a run, go on by Tab, and wait for the table."""
+    page.get_by_label(f"Motor of {file}").focus()
+    page.keyboard.press("End")
+    page.keyboard.type("0")
+    with page.expect_response(re.compile("/motor[?]")) as answer:
+        page.keyboard.press("Tab")
+    answer.value.finished()
+    page.wait_for_load_state("networkidle")

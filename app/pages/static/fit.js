@@ -13,6 +13,14 @@ let isCut = false;
 let events = null;
 let timer = 0;
 
+let isLeaving = false;
+
+/** Loads the page again, once: the end of a fit that is cancelled here comes twice. */
+function reload() {
+  if (!isLeaving) location.reload();
+  isLeaving = true;
+}
+
 function show(fit) {
   showProgress(page, fit);
   if (stage.textContent !== fit.progress.stage) stage.textContent = fit.progress.stage;
@@ -31,7 +39,7 @@ function follow() {
   events.addEventListener("progress", ({ data }) => show(JSON.parse(data)));
   events.addEventListener("end", () => {
     events.close();
-    location.reload();
+    reload();
   });
   events.addEventListener("error", () => {
     // The browser connects again after a lost connection, but not after a refusal, as at the limit of
@@ -50,17 +58,17 @@ function wait() {
 async function look(next) {
   try {
     const fit = await call("GET", path);
-    if (hasEnded(fit.status)) return location.reload();
+    if (hasEnded(fit.status)) return reload();
     show(fit);
   } catch (error) {
-    if (error.status === 404) return location.reload();
+    if (error.status === 404) return reload();
     cut();
     next = wait;
   }
   if (!document.hidden) next();
 }
 
-wireEnds((_, isRemoval) => (isRemoval ? location.assign("/") : location.reload()));
+wireEnds((_, isRemoval) => (isRemoval ? location.assign("/") : reload()));
 if (!hasEnded(page.dataset.status)) {
   page.append(stage);
   if (!document.hidden) follow();

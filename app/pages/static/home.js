@@ -70,12 +70,18 @@ function focusIn(list, index) {
   (next ?? document.getElementById(otherwise)).focus();
 }
 
+/** Whether nothing has the focus; htmx restores it if its element is still there. */
+function isFocusLost() {
+  return document.activeElement === document.body;
+}
+
 let moveFocus = null;
 document.addEventListener("htmx:beforeSwap", ({ detail: { requestConfig, target } }) => {
   const { elt, verb } = requestConfig;
-  if (verb === "delete" && target.id in LISTS) {
-    const index = indexOf(target.id, elt);
-    moveFocus = () => focusIn(target.id, index);
+  if (target.id in LISTS) {
+    // The entry may be gone afterwards: deleted, discarded, or renamed to another motor.
+    const index = indexOf(target.id, document.activeElement);
+    if (index >= 0 || verb === "delete") moveFocus = () => isFocusLost() && focusIn(target.id, Math.max(index, 0));
   } else if (elt.id === "pending-confirm" && target.id === "runs-panel") {
     moveFocus = () => document.getElementById("runs-title").focus();
   }

@@ -1,4 +1,5 @@
-// Start page: typed options of a fit outlive a reload and the end of a session, until the fit is started.
+// Start page: typed options of a fit outlive a reload, the end of a session, and the fit itself: after a
+// refused or failed fit its motor is fitted again with other runs or one other option.
 
 const NAME = "fit-options";
 
@@ -11,13 +12,18 @@ function fields() {
   return [...part().querySelectorAll("[name]")];
 }
 
-/** Keeps the options of this workspace; those that have their default are not kept. */
-function keep() {
+/** The motor whose runs are shown. */
+function motor() {
+  return document.getElementById("choice-motor")?.value ?? "*";
+}
+
+/** Keeps the options that are not the default; once a fit was started with them, for its motor only. */
+function keep(ofMotor) {
   const chosen = fields().flatMap((field) => {
     if (field.type === "checkbox") return field.checked === field.defaultChecked ? [] : [[field.name, field.checked]];
     return field.value === standard(field) ? [] : [[field.name, field.value]];
   });
-  sessionStorage.setItem(NAME, JSON.stringify({ workspace: part().dataset.workspace, chosen }));
+  sessionStorage.setItem(NAME, JSON.stringify({ workspace: part().dataset.workspace, ofMotor, chosen }));
 }
 
 function standard(field) {
@@ -26,9 +32,10 @@ function standard(field) {
 }
 
 function restore() {
-  const { workspace, chosen } = JSON.parse(sessionStorage.getItem(NAME) ?? "{}");
+  const { workspace, ofMotor, chosen } = JSON.parse(sessionStorage.getItem(NAME) ?? "{}");
   if (!part() || "isRestored" in part().dataset || workspace !== part().dataset.workspace) return;
   part().dataset.isRestored = "";
+  if (ofMotor !== undefined && ofMotor !== motor()) return;
   const kept = new Map(chosen);
   for (const field of fields().filter(({ name }) => kept.has(name))) {
     const value = kept.get(field.name);
@@ -45,6 +52,6 @@ document.addEventListener("input", ({ target }) => {
 document.addEventListener("htmx:afterSettle", restore);
 document.addEventListener("htmx:afterRequest", ({ detail: { elt, xhr } }) => {
   // htmx calls no answer successful that leads to another page.
-  if (xhr.status === 204 && elt.id === "fit") sessionStorage.removeItem(NAME);
+  if (xhr.status === 204 && elt.id === "fit") keep(motor());
 });
 restore();
