@@ -11,7 +11,7 @@ page can forge.
 
 from __future__ import annotations
 
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from anyio import to_thread
 from sqlalchemy.exc import SQLAlchemyError
@@ -24,9 +24,21 @@ from app.errors import BadKey, CrossSite
 from app.http import API_PREFIX, HEALTH_PATHS, HELP_PREFIX, LOGIN_PATH, STATIC_PREFIX
 from app.http.problems import database_error, problem_of
 
-__all__ = ["COOKIE", "PUBLIC_PATHS", "PUBLIC_PREFIXES", "Gate", "session_of", "wants_page"]
+__all__ = [
+    "COOKIE",
+    "LONGEST_ADDRESS",
+    "PUBLIC_PATHS",
+    "PUBLIC_PREFIXES",
+    "Gate",
+    "login_address",
+    "own_address",
+    "session_of",
+    "wants_page",
+]
 
 COOKIE = "motorid_session"
+LONGEST_ADDRESS = 2000
+"""Longest address to which a sign-in leads back [characters]."""
 PUBLIC_PATHS = frozenset({LOGIN_PATH, *HEALTH_PATHS})
 """Paths that need no key: health, metrics and the login page."""
 PUBLIC_PREFIXES = (STATIC_PREFIX, HELP_PREFIX)
@@ -56,9 +68,9 @@ class Gate:
             await send({"type": "websocket.close", "code": 1008})
             return
         headers = Headers(scope=scope)
+        path = scope["path"]
         try:
             _refuse_other_sites(scope["method"], headers)
-            path = scope["path"]
             if path not in PUBLIC_PATHS and not path.startswith(PUBLIC_PREFIXES):
                 scope.setdefault("state", {})["caller"] = await self._caller(headers)
         except (BadKey, CrossSite, SQLAlchemyError) as error:
@@ -66,7 +78,9 @@ class Gate:
             if refusal is None:
                 raise
             if isinstance(error, BadKey) and scope["method"] == "GET" and wants_page(scope):
-                await RedirectResponse(LOGIN_PATH, status_code=303)(scope, receive, send)
+                query = scope["query_string"].decode("latin-1")
+                address = login_address(f"{path}?{query}" if query else path)
+                await RedirectResponse(address, status_code=303)(scope, receive, send)
             else:
                 await problem_of(refusal)(scope, receive, send)
             return
@@ -85,6 +99,24 @@ class Gate:
         if token is None:
             raise BadKey("no key was given; expected the header `Authorization: Bearer KEY`")
         return await to_thread.run_sync(self.access.caller_of_session, token)
+
+
+def login_address(page: str, *, has_ended: bool = False) -> str:
+    """Address of the login page, which then leads back to this page of the service."""
+    back = f"next={quote(page, safe='/')}" if own_address(page) != "/" else ""
+    query = "&".join(filter(None, ("ended" if has_ended else "", back)))
+    return f"{LOGIN_PATH}?{query}" if query else LOGIN_PATH
+
+
+def own_address(address: str) -> str:
+    """The path and query of a page of this service; the start page for anything else.
+
+    Browsers read ``//HOST`` as another site, treat a backslash as a slash and skip control
+    characters.
+    """
+    is_path = address.startswith("/") and not address.startswith(("//", LOGIN_PATH))
+    is_plain = address.isprintable() and "\\" not in address and len(address) <= LONGEST_ADDRESS
+    return address if is_path and is_plain else "/"
 
 
 def session_of(headers: Headers) -> str | None:

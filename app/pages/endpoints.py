@@ -15,7 +15,7 @@ from app.errors import BadKey, FileLost, NotFound, NotReady
 from app.fits.schemas import FitOut, FitSummary
 from app.http import API_PREFIX, LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
-from app.http.gate import COOKIE, session_of
+from app.http.gate import COOKIE, LONGEST_ADDRESS, own_address, session_of
 from app.pages.analyses import router as analyses
 from app.pages.choice import MotorFilter, choice_of
 from app.pages.pending import finding_view, pending_list_view
@@ -46,6 +46,8 @@ _EXPORTS = {
     "csv": "table (CSV)",
 }
 """Names of the formats of other programs on the page of a fit."""
+
+Back = Annotated[str, Query(alias="next", max_length=LONGEST_ADDRESS)]
 
 
 @router.get("/")
@@ -79,24 +81,29 @@ def docs(page: Page) -> HTMLResponse:
 
 
 @router.get(LOGIN_PATH)
-def login(page: Page, request: Request, services: ServicesDep) -> Response:
+def login(page: Page, request: Request, services: ServicesDep, back: Back = "/") -> Response:
     """Login page, which asks for a key; with ``?ended`` it says why a page led here."""
     if services.settings.no_auth:
         return RedirectResponse("/", status_code=303)
-    return page("login", problem=_ENDED if "ended" in request.query_params else None)
+    problem = _ENDED if "ended" in request.query_params else None
+    return page("login", problem=problem, back=own_address(back))
 
 
 @router.post(LOGIN_PATH)
 def sign_in(
-    page: Page, request: Request, services: ServicesDep, key: Annotated[str, Form(max_length=200)]
+    page: Page,
+    request: Request,
+    services: ServicesDep,
+    key: Annotated[str, Form(max_length=200)],
+    back: Annotated[str, Form(alias="next", max_length=LONGEST_ADDRESS)] = "/",
 ) -> Response:
-    """Check a key and set a session cookie."""
+    """Check a key, set a session cookie, and go back to the page that led to the login."""
     lifetime_s = services.settings.session_s
     try:
         token = services.access.open_session(key.strip(), lifetime_s)
     except BadKey as error:
-        return page("login", status=401, problem=sentence(error.message))
-    answer = RedirectResponse("/", status_code=303)
+        return page("login", status=401, problem=sentence(error.message), back=own_address(back))
+    answer = RedirectResponse(own_address(back), status_code=303)
     answer.set_cookie(
         COOKIE,
         token,

@@ -12,14 +12,15 @@ from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import urlsplit
 
 from fastapi import Depends, Request
 from fastapi.responses import HTMLResponse
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.http import HELP_PREFIX, LOGIN_PATH
-from app.http.gate import wants_page
+from app.http import HELP_PREFIX
+from app.http.gate import login_address, wants_page
 from app.http.problems import MEDIA_TYPE
 from identification.reporting.page import page_environment
 
@@ -94,7 +95,9 @@ def _shown(problem: Mapping[str, Any], scope: Scope, given: Headers, is_part: bo
     status = int(problem["status"])
     if is_part and status == 401:
         # The browser opens the login page; it would show a redirect inside of the page.
-        headers["HX-Redirect"] = f"{LOGIN_PATH}?ended"
+        opened = urlsplit(Headers(scope=scope).get("hx-current-url", "/"))
+        page = f"{opened.path}?{opened.query}" if opened.query else opened.path
+        headers["HX-Redirect"] = login_address(page, has_ended=True)
     return _pages_for(Request(scope))(
         "problem" if is_part else "error",
         status=status,

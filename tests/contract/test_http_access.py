@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import time
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ import pytest
 
 from app.access.service import AccessService
 from app.database import Database
-from app.http.gate import PUBLIC_PATHS
+from app.http.gate import PUBLIC_PATHS, own_address
 from tests.app.pretended import FAMILY
 from tests.app.service import Caller, Server, make_key, run_text
 
@@ -205,3 +207,46 @@ def test_database_stores_hashes_of_keys(tmp_path: Path) -> None:
     assert secret.encode() not in stored
     assert secret.removeprefix("motorid_").encode() not in stored
     assert b"some-workspace" in stored
+
+
+def test_sign_in_leads_back_to_the_page_that_asked_for_the_key(server: Server) -> None:
+    """A shared address survives the login, also a mistyped key."""
+    address = "/motor?name=servo+%3C1%3E&x=%26"
+    with httpx.Client(base_url=server.url, headers={"Accept": "text/html"}) as browser:
+        login = browser.get(browser.get(address).headers["location"])
+        [back] = re.findall(r'name="next" value="([^"]*)"', login.text)
+        wrong = browser.post("/login", data={"key": "motorid_wrong", "next": unescape(back)})
+        [again] = re.findall(r'name="next" value="([^"]*)"', wrong.text)
+        key = make_key(server.data_dir, "back")
+        right = browser.post("/login", data={"key": key, "next": unescape(again)})
+
+    assert unescape(back) == address
+    assert again == back
+    assert (right.status_code, right.headers["location"]) == (303, address)
+
+
+def test_part_of_a_page_leads_to_the_login_and_back(server: Server) -> None:
+    """The script sends the address of the page; only its path and query are used."""
+    page = {
+        "HX-Request": "true",
+        "HX-Current-URL": "https://elsewhere.example/fits/fit_x/loop?kp=2",
+    }
+
+    answer = httpx.get(f"{server.url}/fits/fit_x/loop", headers=page)
+
+    assert answer.headers["HX-Redirect"] == "/login?ended&next=/fits/fit_x/loop%3Fkp%3D2"
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    ["//elsewhere.example", "https://elsewhere.example", "/\\elsewhere.example", "", "/login?ended"]
+    + ["/\t/elsewhere.example", "\\\\elsewhere.example", "javascript:alert(1)", "/" + 3000 * "x"],
+)
+def test_sign_in_never_leads_to_another_site(server: Server, foreign: str) -> None:
+    """Such an address, which a link to the login page could name, is replaced or refused."""
+    key = make_key(server.data_dir, "back")
+
+    answer = httpx.post(f"{server.url}/login", data={"key": key, "next": foreign})
+
+    assert (answer.status_code, answer.headers.get("location")) in ((303, "/"), (422, None))
+    assert own_address(foreign) == "/"

@@ -350,4 +350,5 @@ def test_report_of_a_signed_out_reader_asks_for_the_key(server: Server) -> None:
     """The address of a report is opened by people, although it belongs to the interface."""
     answer = httpx.get(f"{server.url}/api/v1/fits/fit_x/report", headers=HTML)
 
-    assert (answer.status_code, answer.headers["location"]) == (303, "/login")
+    assert answer.status_code == 303
+    assert answer.headers["location"] == "/login?next=/api/v1/fits/fit_x/report"

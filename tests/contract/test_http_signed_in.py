@@ -104,6 +104,20 @@ def test_options_of_a_fit_outlive_the_session(page: Page, caller: Caller, key: s
     assert options(page) == defaults
 
 
+def test_sign_in_leads_back_to_the_page_of_a_fit(page: Page, caller: Caller, key: str) -> None:
+    """The session ended while the fit was watched."""
+    fit = caller.begin(caller.upload(run_text(7))["id"], seed=FAMILY)["id"]
+    page.goto(f"/fits/{fit}")
+    page.context.clear_cookies()
+    page.reload()
+    page.wait_for_url(re.compile("/login.*next="))
+    page.fill("#key", key)
+    page.click("main >> text=Sign in >> nth=-1")
+    page.wait_for_url(f"**/fits/{fit}")
+    caller.http.delete(f"/fits/{fit}")
+    page.wait_for_selector(".state.cancelled")
+
+
 def test_options_of_a_fit_end_with_the_sign_out(page: Page, caller: Caller, key: str) -> None:
     """The next user of this tab gets the defaults, and so does another workspace."""
     caller.upload(run_text(2))

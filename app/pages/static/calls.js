@@ -12,7 +12,7 @@ export async function call(method, path) {
     throw new Error(UNREACHABLE);
   }
   if (answer.status === 401) {
-    location.assign("/login?ended");
+    location.assign(`/login?ended&next=${encodeURIComponent(location.pathname + location.search)}`);
     throw new Error("The session has expired; sign in again.");
   }
   // A proxy in between answers with a page of its own.
