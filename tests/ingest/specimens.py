@@ -54,6 +54,15 @@ __all__ = ["SPECIMENS"]
 SPARSE = scipy.sparse.eye_array(3, format="csc")
 
 
+def pico() -> dict[str, object]:
+    """Variables that PicoScope saves for MATLAB: channels by letter, and the clock as numbers."""
+    channels = {
+        letter: RECORD[name][:, None] for name, letter in zip([*RECORD][1:], "ABCD", strict=True)
+    }
+    about = {"Tstart": 0.0, "Tinterval": 1e-3, "ExtraSamples": 0.0, "RequestedLength": 40.0}
+    return {**about, "Length": 40.0, "Version": "6.14", **channels}
+
+
 def dated() -> dict[str, object]:
     """The record with the times as dates in nanoseconds."""
     ticks = np.round(RECORD["time_s"] * 1e9).astype("timedelta64[ns]")
@@ -211,6 +220,16 @@ MATLAB = (
         "scipy4.mat",
         "version 4, a text and a matrix among the variables",
         lambda p: scipy.io.savemat(p, {"note": "bench 3", "map": np.eye(3), **RECORD}, format="4"),
+    ),
+    Specimen(
+        "pico.mat",
+        "start and interval of a PicoScope, imitated",
+        lambda p: mat(p, pico()),
+        mapping={
+            name: {"column": letter, "unit": unit}
+            for name, letter, unit in zip([*RECORD][1:], "ABCD", UNITS[1:], strict=True)
+        },
+        is_clock_implied=True,
     ),
     Specimen("little4.mat", "version 4", lambda p: mat4(p, RECORD)),
     Specimen("big4.mat", "version 4, big-endian", lambda p: mat4(p, RECORD, is_big_endian=True)),

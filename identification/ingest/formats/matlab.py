@@ -193,6 +193,9 @@ def node_of(value: object, depth: int = 0) -> Node:
     if isinstance(value, MatlabOpaque):
         # scipy does not decode an object; the field s2 of its record is the name of the class.
         return Opaque(plain(text_of(value["s2"].ravel()[0])))
+    if isinstance(value, (int, float)):
+        # scipy gives a variable of one number as a number of Python.
+        return _leaf(np.asarray(value))
     if not isinstance(value, np.ndarray) or isinstance(value, MatlabFunction):
         kind, properties = (getattr(value, name, None) for name in ("classname", "properties"))
         if kind is None:

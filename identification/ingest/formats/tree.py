@@ -3,6 +3,7 @@
 struct with fields that are vectors               a table; units in a field ``unit`` or ``units``
 struct with ``time`` and ``signals``              a log of Simulink, "structure with time"
 struct with ``Time`` and ``Data``                 an exported timeseries: one signal
+vectors beside a number ``Tinterval``             a table, with the clock of a PicoScope
 """
 
 from __future__ import annotations
@@ -146,6 +147,7 @@ class _Walk:
         vectors = {
             name: child for name, child in node.items() if isinstance(child, Leaf) and child.length
         }
+        vectors |= _clock(node, keys, vectors)
         if len(vectors) > 1:
             self.tables[path or _TOP] = self._table(vectors, _units(node))
         for name, child in node.items():
@@ -200,6 +202,26 @@ class _Walk:
             f"; {listed} cannot be read outside MATLAB; save a struct of vectors there: "
             + " or ".join(list(commands)[:2])
         )
+
+
+def _clock(
+    node: Mapping[str, Node], keys: Mapping[str, str], vectors: Mapping[str, Leaf]
+) -> dict[str, Leaf]:
+    """Times of vectors of one length, from the start and the interval [s] that PicoScope stores."""
+    step, start = (_number(node.get(keys.get(key, ""))) for key in ("tinterval", "tstart"))
+    lengths = {vector.length for vector in vectors.values()}
+    if not step > 0.0 or "time" in keys or len(lengths) != 1:
+        return {}
+    [length] = lengths
+    first = start if np.isfinite(start) else 0.0
+    return {"time": Leaf((length,), lambda: first + step * np.arange(length), "s")}
+
+
+def _number(node: Node | None) -> float:
+    """Value of a number; NaN for anything else."""
+    if isinstance(node, Leaf) and int(np.prod(node.shape)) == 1:
+        return float(np.ravel(np.asarray(node.load(), dtype=np.float64))[0])
+    return float("nan")
 
 
 def _unit_fields(node: Mapping[str, Node]) -> list[Node]:
