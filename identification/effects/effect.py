@@ -72,6 +72,12 @@ class CampaignScales:
         return float(self.values[[parameter.name for parameter in DECLARED].index(name)])
 
     @property
+    def run_duration(self) -> float:
+        """Duration of the longest run, of which the records may be segments [s]."""
+        ends = (max(record.duration, float(record.time[-1])) for record in self.records)
+        return max(ends, default=self.duration)
+
+    @property
     def runs(self) -> tuple[int, ...]:
         """Numbers of the training runs, ascending."""
         return tuple(sorted({record.run for record in self.records}))

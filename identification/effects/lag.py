@@ -102,7 +102,7 @@ class _Lag(AbstractEffect, AbstractTemperature):
         """One candidate, its time constant scanned, if the temperature varies within a record."""
         if not _moves(scales):
             return []
-        term = cls(scales.duration / 200, scales.duration * 5)
+        term = cls(scales.duration / 200, scales.run_duration * 5)
         return [Candidate(term, columns(*[(f * scales.duration,) for f in _SCANNED]))]
 
 

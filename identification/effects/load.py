@@ -95,7 +95,7 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
     edge: float
     """Width of an edge [s]."""
     duration: float
-    """Duration of the longest record [s]."""
+    """Duration of the longest run [s]."""
     others: tuple[int, ...] = ()
     """Numbers of further runs with the load at the same time."""
 
@@ -170,7 +170,7 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
                 for k in range(2 * parts - 1):
                     begin = 0.5 * k * length
                     starts.append((0.1 * scales.torque, begin, begin + length))
-        term = cls(None, scales.torque, 2 * scales.interval, scales.duration)
+        term = cls(None, scales.torque, 2 * scales.interval, scales.run_duration)
         return [Candidate(term, columns(*starts))]
 
 

@@ -149,7 +149,7 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, its time constant scanned."""
         power = scales.nominal("Ra25") * scales.current**2
-        fastest, slowest = scales.duration / 300, scales.duration * 5
+        fastest, slowest = scales.duration / 300, scales.run_duration * 5
         is_logged = all(record.expected is None for record in scales.records)
         least = 0.0 if is_logged else _LEAST_RISE
         term = cls(power, fastest, slowest, scales.speed, least=least)

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.effects.catalogue import CATALOGUE
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
+from identification.selection.candidates import scales_of
 from identification.selection.subset import representative_subset
 from tests.motors import campaign, motor_named
 
@@ -53,6 +55,25 @@ def test_part_is_a_stretch_of_each_record_where_something_happens(long_campaign:
         np.testing.assert_array_equal(record.measured, whole.measured[span])
     assert sum(record.rows for record in part.validation) == 5_000
     assert nominal.coordinates.names == declared.coordinates.names
+
+
+@pytest.mark.parametrize("name", ["self_heating", "load_step"])
+def test_a_slow_effect_has_on_segments_the_longest_time_of_the_whole_runs(
+    long_campaign: Campaign, name: str
+) -> None:
+    """A segment of a quarter of a run shows a part of the same time constant or load."""
+    declared = fit_declared(long_campaign.training, "zoh")
+    found = representative_subset(long_campaign, declared)
+    assert found is not None
+
+    longest = [
+        [p.upper for p in candidate.term.parameters if p.unit == "s"]
+        for fit in (declared, found[1])
+        for candidate in CATALOGUE[name].candidates(scales_of(fit))
+    ]
+
+    assert longest[0]
+    assert longest[1] == longest[0]
 
 
 def test_short_records_are_searched_whole() -> None:
