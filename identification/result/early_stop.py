@@ -7,6 +7,7 @@ from typing import Final
 from identification.fit.solve import Fit
 from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
 from identification.posterior.sample import Sample, Source
+from identification.result.numbers import listed
 from identification.selection.outcome import Outcome
 from identification.warning import Option, ResultWarning
 
@@ -46,6 +47,8 @@ def early_stop_warnings(
         )
         fix = _remedy(effort, limit)
         warnings.append(ResultWarning("search_incomplete", "warning", message, *fix))
+    if outcome is not None:
+        warnings += _undecided(outcome, effort, limit)
     if outcome is not None and not outcome.is_scored:
         message = (
             "no further term could be scored: with each of them the simulation diverges or the "
@@ -56,6 +59,18 @@ def early_stop_warnings(
     if sample is not None and not sample.convergence.reached:
         warnings.append(_unconverged(sample, effort, limit))
     return warnings
+
+
+def _undecided(outcome: Outcome, effort: str, limit: str) -> list[ResultWarning]:
+    """Warning on effects whose removal no fit decided."""
+    names = [found.name.replace("_", " ") for found in outcome.effects if found.is_undecided]
+    if not names:
+        return []
+    message = (
+        f"the fit of the model without {listed(names)} did not converge, also not from the nominal "
+        "parameters, and may reach the model with it; the two count as equally probable"
+    )
+    return [ResultWarning("search_incomplete", "warning", message, *_remedy(effort, limit))]
 
 
 def _unconverged(sample: Sample, effort: str, limit: str) -> ResultWarning:

@@ -61,6 +61,9 @@ class Found:
     """Other effect types in its place, the most probable first."""
     outside: float = 0.0
     """Probability that a term outside the catalogue causes what the effect explains [-]."""
+    is_undecided: bool = False
+    """Whether the fit of the model without the effect stopped where it may still reach the one with
+    it."""
 
     @property
     def others(self) -> list[tuple[str, float]]:
@@ -70,27 +73,32 @@ class Found:
             found["unlisted"] = found.get("unlisted", 0.0) + self.outside
         return sorted(found.items(), key=lambda item: -item[1])
 
+    def _scaled(self, share: float) -> Found:
+        """The effect and its alternatives with a share of their probabilities."""
+        alternatives = tuple(
+            replace(other, probability=share * other.probability) for other in self.alternatives
+        )
+        return replace(self, probability=share * self.probability, alternatives=alternatives)
+
     def given(self, ratios: Array) -> Found:
         """The effect with its probabilities given what the final model leaves unexplained.
 
+        If the fit without the effect decided nothing, that model is as probable as the one with it.
         The ratios (n_channel,) are the RMS error of the final model over the largest that noise
         explains [-].
         """
         criteria, seen = self.criteria, self.criteria.validation
         fall = criteria.training if seen is None or criteria.local else seen
         after = float(np.sum(np.maximum(ratios**2 - 1.0, 0.0)))
+        odds = self._scaled(1.0 / (1.0 + self.probability)) if self.is_undecided else self
         if self.name == "unlisted" or not after > 0.0:
-            return self
+            return odds
         # The fall is the sum over both channels of the logarithm of the RMS error.
         before = float(np.sum(np.maximum(ratios**2 * np.exp(min(fall, 100.0)) - 1.0, 0.0)))
         gain = 0.5 * HEIGHTS * np.log(max(before, 1e-300) / after)
         chance = by_chance(criteria.unknowns, HEIGHTS, criteria.tried)
         share = float(expit(gain - chance))
-        alternatives = tuple(
-            replace(other, probability=share * other.probability) for other in self.alternatives
-        )
-        kept = share * self.probability
-        return replace(self, probability=kept, alternatives=alternatives, outside=1.0 - share)
+        return replace(odds._scaled(share), outside=1.0 - share)
 
 
 @dataclass(frozen=True)

@@ -327,13 +327,14 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
             rivals = [*rivals_of(state, simpler, term.name), *curves]
         rivals = [rival for rival in rivals if trials.criteria(rival, simpler).passed]
         models = [current, *rivals]
-        odds = probabilities(scores_of(models))
+        share, *odds = probabilities(scores_of(models)).tolist()
         best = models[ranked(models, trials.policy)[0]]
         better = best if best is not current else better
-        names = [rival.effects_added_to(simpler)[0].name for rival in rivals]
-        rated = zip(names, odds[1:].tolist(), rivals, strict=True)
+        names = (rival.effects_added_to(simpler)[0].name for rival in rivals)
+        rated = zip(names, odds, rivals, strict=True)
         alternatives = _alternatives(rated, trials.policy.reported_probability)
-        effects.append(Found(term.name, float(odds[0]), criteria, alternatives))
+        is_open = trials.is_undecided(current, simpler)
+        effects.append(Found(term.name, share, criteria, alternatives, is_undecided=is_open))
     return sorted(effects, key=lambda effect: -effect.criteria.gain), better
 
 

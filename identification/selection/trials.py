@@ -105,7 +105,8 @@ class Trials:
         """Model without one of its terms.
 
         A cached fit that has not converged is repeated from the current optimum: the removed term
-        may only have helped the optimiser.
+        may only have helped the optimiser.  A fit that decides nothing is repeated from the nominal
+        parameters, which have absorbed nothing of the other terms.
         """
         key = frozenset(name for name in _key(current.fit) if name[0] != term.name)
         known = self._evaluated.get(key)
@@ -113,19 +114,23 @@ class Trials:
             self._retried.add((key, _key(current.fit)))
             limits = self.limits(reference=current.fit.cost)
             fit = refitted_without(current.fit, term.name, limits)
-            if not np.isfinite(fit.cost):
-                # Without the term the simulation diverges; restart from the nominal parameters.
-                nominal = current.fit.moved_to(self._evaluated[frozenset()].fit.by_name)
-                fit = refitted_without(nominal, term.name, limits)
-            level = TerminationLimits(abandon_cost=current.fit.cost)
-            if np.isfinite(fit.cost) and not (fit.converged or fit.is_behind(level)):
-                # Undecided: the effect would be judged by the budget and not by the runs.
+            if _is_undecided(fit, current):
+                # The effect would be judged by the budget and not by the runs.
                 limits = replace(limits, budget=Budget(self.longest))
                 fit = continued(fit, limits)
+            if _is_undecided(fit, current) or not np.isfinite(fit.cost):
+                nominal = current.fit.moved_to(self._evaluated[frozenset()].fit.by_name)
+                limits = replace(limits, budget=Budget(self.longest))
+                other = self._converged(refitted_without(nominal, term.name, limits), limits)
+                fit = min(fit, other, key=lambda one: one.cost)
             known = self.evaluate(
                 refined(fit, limits, self.policy) if np.isfinite(fit.cost) else fit
             )
         return known
+
+    def is_undecided(self, current: EvaluatedModel, simpler: EvaluatedModel) -> bool:
+        """Whether the fit of the model without an effect stopped where it may still reach it."""
+        return _is_undecided(simpler.fit, current)
 
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
         """Model with a term replaced by an extended variant."""
@@ -313,6 +318,12 @@ class Trials:
         size = self.policy.least_fall * float(counts.max()) * current.fraction
         understated = understated or self.policy.underestimate
         return float(max(chance / 2, size / understated)) / current.fraction
+
+
+def _is_undecided(fit: Fit, current: EvaluatedModel) -> bool:
+    """Whether a fit that can be simulated stopped where it may still reach the current model."""
+    level = TerminationLimits(abandon_cost=current.fit.cost)
+    return bool(np.isfinite(fit.cost)) and not (fit.converged or fit.is_behind(level))
 
 
 def _name(term: AbstractEffect) -> tuple[str, str]:
