@@ -49,6 +49,7 @@ from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
 from identification.selection.sharpening import with_sharp_friction
 from identification.selection.thermometer import thermometer_errors
+from identification.selection.voltage_errors import voltage_errors
 from identification.speed_loop import feedback_metrics, parse_controllers, suited_controller
 from identification.speed_loop.nonlinear import simulated_loops
 from identification.threads import repeatable_algebra
@@ -294,6 +295,7 @@ def _omitted(
             outcome.fit if outcome else declared, before, is_structured=bool(unexplained)
         ),
         *thermometer_errors(final, effective_fraction(final)),
+        *voltage_errors(final, effective_fraction(final)),
         *unresolved_transients(final, effective_fraction(final)),
     )
 

@@ -8,12 +8,8 @@ a free regression on means of both signals over past spans.  The variance of whi
 from high-order differences, is added to that bound.  Under speed feedback the voltage follows the
 sensor, so the regression explains part of the white noise.
 
-Rounding adds an error that is uniform over one step, with a standard deviation of step / sqrt(12).
-If noise or motion carries the signal across steps from sample to sample, this error acts as white
-noise.  With noise below about half a step it does not: consecutive samples keep one value and one
-error, which more samples do not reduce and their scatter does not show.
-
-Source: Widrow and Kollar, Quantization Noise, Cambridge University Press 2008, chapters 5 and 9.
+The rounding of a quantised signal is such a noise only if it does not persist from sample to sample
+(`model/quantisation.py`).
 """
 
 from __future__ import annotations
@@ -27,9 +23,10 @@ import numpy as np
 from identification.arrays import Array
 from identification.ingest.run import Run
 from identification.model.excitation import Record
+from identification.model.quantisation import stays, step_of
 from identification.warning import ResultWarning
 
-__all__ = ["bounded_noise", "coarse_warnings", "difference_noise", "noise_ceiling", "step_of"]
+__all__ = ["bounded_noise", "coarse_warnings", "difference_noise", "noise_ceiling"]
 
 _MARGIN: Final = 1.5
 _ROWS: Final = 50_000
@@ -43,11 +40,6 @@ _EXPLAINED: Final = 0.3
 _COARSE: Final = 2.0
 """Step over the residual, rounding included, above which the step is too coarse; the noise without
 rounding is then below 0.41 of a step."""
-_STAYS: Final = 0.25
-"""Fraction of samples equal to their predecessor above which rounding errors persist."""
-_RARE: Final = 0.01
-"""Fraction of samples whose values may lie off the steps, as in averaged logs."""
-_ON_STEP: Final = 0.1
 _MOST_NAMED: Final = 5
 
 
@@ -114,7 +106,7 @@ def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[ResultWarning, .
         for number, run in enumerate(runs):
             signal = (run.current, run.speed)[channel]
             step = step_of(signal)
-            if step is not None and _stays(signal) and step > _COARSE * noise[channel] > 0.0:
+            if step is not None and stays(signal) and step > _COARSE * noise[channel] > 0.0:
                 steps[number] = step
         if steps:
             sizes = [f"{size:.3g}" for size in (min(steps.values()), max(steps.values()))]
@@ -127,32 +119,6 @@ def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[ResultWarning, .
             fix = "log it in finer steps"
             warnings.append(ResultWarning("coarse_quantisation", "warning", message, fix))
     return tuple(warnings)
-
-
-def step_of(signal: Array) -> float | None:
-    """Quantisation step of a signal (n_sample,); None if differences are not multiples of one."""
-    span = float(np.ptp(signal))
-    if span == 0.0:
-        return None
-    # Values that differ only in the last digits are equal.
-    values, counts = np.unique(np.round(signal / span, 9), return_counts=True)
-    rare = np.argsort(counts, kind="stable")
-    rare = rare[np.cumsum(counts[rare]) <= _RARE * signal.size]
-    gaps = np.diff(np.delete(values, rare))
-    if not gaps.size:
-        return None
-    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-    off = np.abs(gaps / step - np.round(gaps / step))
-    if np.count_nonzero(off > _ON_STEP) > _ON_STEP * gaps.size:
-        return None
-    return step * span
-
-
-def _stays(signal: Array) -> bool:
-    """Whether many samples equal their predecessor, zeros at standstill excluded."""
-    same = signal[1:] == signal[:-1]
-    moving = signal[1:] != 0.0
-    return int(np.count_nonzero(same & moving)) > _STAYS * max(int(np.count_nonzero(moving)), 1)
 
 
 def _named(names: Sequence[str]) -> str:

@@ -16,13 +16,16 @@ import numpy as np
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import voltage_noise_power
+from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
+from identification.ingest.run import Run
 from identification.model.composite import Hold
 from identification.model.excitation import Record, squares_of
+from identification.model.logged_voltage import voltage_step
 from identification.model.simulate import Simulator
 from identification.warning import ResultWarning
 
-__all__ = ["with_smooth_voltage"]
+__all__ = ["coarse_voltage_warnings", "with_smooth_voltage"]
 
 _ODDS: Final = np.log(100.0)
 """Log likelihood ratio from which the smoothed voltage replaces the logged one; decisive evidence
@@ -53,12 +56,12 @@ def with_smooth_voltage(
     if not _matters(declared, smooth):
         return campaign, declared
     fitted = declared.simulator.model.hold
-    before = min(
-        declared.cost if hold == fitted else fit_declared(campaign.training, hold).cost
-        for hold in holds
-    )
+    logged = [
+        declared if hold == fitted else fit_declared(campaign.training, hold) for hold in holds
+    ]
     fits = [fit_declared(smooth, hold) for hold in holds]
-    if not before - min(fit.cost for fit in fits) > _ODDS:
+    step = max(voltage_step(record.column("voltage")) for record in campaign.training)
+    if not _is_preferred(fits, logged, is_stepped=step > 0.0):
         return campaign, declared
     falls = np.log(fits[0].weighting.deviation / fits[-1].weighting.deviation)
     after = fits[-1] if np.sum(falls) > _HOLD else fits[0]
@@ -67,8 +70,9 @@ def with_smooth_voltage(
         for new, old in zip(smooth, campaign.training, strict=True)
     ]
     noise = float(np.std(np.concatenate(removed)))
+    steps = f"steps of {step:.3g} V, which add " if step else ""
     message = (
-        f"voltage_V has noise of {noise:.2g} V that current and speed do not follow; it was "
+        f"voltage_V has {steps}noise of {noise:.2g} V that current and speed do not follow; it was "
         "smoothed between its jumps, because noise of the voltage biases Ra25 and L"
     )
     smoothed = replace(
@@ -87,6 +91,35 @@ def with_smooth_voltage(
         smoothed = replace(smoothed, training=training, validation=validation)
         after = replace(after, simulator=replace(after.simulator, records=fitted_to))
     return smoothed, after
+
+
+def _is_preferred(smooth: Sequence[Fit], logged: Sequence[Fit], *, is_stepped: bool) -> bool:
+    """Whether the runs decide for the smoothed voltage, or not against it if it has steps.
+
+    The rounding of a voltage that passes its levels one by one is certain, unless the log is the
+    command of a supply with such steps.  What smoothing leaves of it can exceed what it removes and
+    makes the residual autocorrelated, so the likelihoods count effective samples.
+    """
+    best, other = (min(fits, key=lambda fit: fit.cost) for fits in (smooth, logged))
+    if not is_stepped:
+        return bool(other.cost - best.cost > _ODDS)
+    fraction = max(effective_fraction(best), effective_fraction(other))
+    return bool(fraction * (other.cost - best.cost) > -_ODDS)
+
+
+def coarse_voltage_warnings(runs: Sequence[Run], final: Fit) -> tuple[ResultWarning, ...]:
+    """Warning that what smoothing leaves of the rounding of the voltage acts in the simulation."""
+    error = np.sqrt(voltage_noise_power(final))
+    steps = {run.name: step for run in runs if (step := voltage_step(run.voltage))}
+    if not steps or not np.any(error > _LEAST * final.weighting.deviation):
+        return ()
+    message = (
+        f"voltage_V is logged in steps of {max(steps.values()):.3g} V; where it varies slowly, its "
+        f"rounding is no noise that averages out: it causes {error[0]:.2g} A and {error[1]:.2g} "
+        "rad/s of the residuals, and the intervals include it"
+    )
+    fix = "log the voltage in finer steps"
+    return (ResultWarning("coarse_quantisation", "warning", message, fix),)
 
 
 def _matters(declared: Fit, smooth: Sequence[Record]) -> bool:

@@ -137,11 +137,12 @@ class Record:
         smooth, left = smooth_voltage(self.column("voltage"))
         return replace(self.with_inputs(_voltage_columns(smooth)), voltage_noise=left)
 
-    def with_voltage_noise(self) -> Record:
-        """The record with as much noise added to its voltage as is left in it."""
+    def with_voltage_noise(self, shift: int = 0) -> Record:
+        """The record with as much noise added to its voltage as is left, shifted by samples."""
         if self.voltage_noise is None:
             return self
-        return self.with_inputs(_voltage_columns(self.column("voltage") + self.voltage_noise))
+        noise = np.roll(self.voltage_noise, shift)
+        return self.with_inputs(_voltage_columns(self.column("voltage") + noise))
 
     def with_inputs(self, columns: Mapping[str, Array]) -> Record:
         """The record with other inputs (n_sample,) by name."""

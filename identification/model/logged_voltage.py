@@ -3,6 +3,13 @@
 An output-error fit takes the voltage as exact.  Noise of the voltage sensor is then simulated as
 current, and the fit suppresses it with a larger R and L (bias by errors in variables).  The bias is
 small if the voltage jumps, and large if it varies slowly, so that the motor draws little current.
+
+The rounding of a slow voltage that is logged in coarse steps persists over many samples, so that
+cross-validation takes it for a part of the voltage.  Its size is known instead: it is uniform over
+one step (`model/quantisation.py`), and the smoother is the stiffest one that removes no more.
+
+Source: Eilers, Analytical Chemistry 75 (2003), 3631-3636; Morozov, Soviet Mathematics Doklady 7
+(1966), 414-417 (regularisation by the known size of the error).
 """
 
 from __future__ import annotations
@@ -14,8 +21,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from identification.arrays import Array
+from identification.model.quantisation import stays, step_of
 
-__all__ = ["smooth_voltage"]
+__all__ = ["smooth_voltage", "voltage_step"]
 
 _JUMP: Final = 6.0
 """Change of the voltage between two samples that is a jump, in robust standard deviations about the
@@ -28,35 +36,76 @@ _OUTLYING: Final = 4.0
 """Part of the voltage, in robust standard deviations, that is too large for noise; one sample of
 16,000 with normal noise has more."""
 _PASSES: Final = 3
+_FEWEST_LEVELS: Final = 8
+"""Levels of a rounded voltage at least; fewer do not show its course, or are those of a switch."""
+_UNEVEN: Final = 1.0 / 6.0
+"""Changes that differ by one step from the previous one, over all changes, from which a voltage is
+rounded.  A slope of n + f steps in a sample has such a difference with the probability 2 f (1 - f),
+which is 1/3 on average; ramps and steps of a signal generator have hardly any."""
 _STIFFNESSES: Final = 10.0 ** np.arange(-6, 9)
 
 
+def voltage_step(logged: Array) -> float:
+    """Step of a voltage (n_sample,) whose rounding errors persist over samples, else zero [V]."""
+    step = step_of(logged)
+    if step is None or not stays(logged):
+        return 0.0
+    if np.unique(np.round(logged / step)).size < _FEWEST_LEVELS:
+        return 0.0
+    changes = np.round(np.diff(logged) / step)
+    uneven = np.count_nonzero(np.abs(np.diff(changes)) == 1.0)
+    return step if uneven > _UNEVEN * np.count_nonzero(changes) else 0.0
+
+
 def smooth_voltage(logged: Array) -> tuple[Array, Array]:
-    """Logged voltage without white noise, by Whittaker smoothing between jumps, and its noise.
+    """Logged voltage without white noise or coarse rounding, by Whittaker smoothing, and its noise.
 
-    Generalised cross-validation chooses one penalty for the whole series.  A voltage without noise
-    is returned unchanged: all of its changes are jumps, or the smallest penalty is chosen.  The
-    second series is random, with the distribution of the noise that the smoother leaves in the
-    first.  All are (n_sample,) [V].
-
-    Source: Eilers, Analytical Chemistry 75 (2003), 3631-3636.
+    It is smoothed between its jumps with one penalty for the whole series, from generalised
+    cross-validation or the size of the rounding.  A voltage without noise is returned unchanged:
+    all of its changes are jumps, or the smallest penalty is chosen.  The second series is random,
+    with the distribution of the noise that the smoother leaves in the first.  All are (n_sample,)
+    [V].
     """
     if logged.size < 3:
         return logged, np.zeros_like(logged)
-    edges = _jumps(logged)
+    step = voltage_step(logged)
     kept = np.ones(logged.size - 2, dtype=bool)
-    for jump in edges[1:-1]:
+    for jump in _jumps(logged, step):
         kept[max(jump - 2, 0) : jump] = False
-    smooth, stiffness, size = _cross_validated(logged, kept)
+    smooth, stiffness, size = _smoothed(logged, kept, step)
     for _ in range(_PASSES):
-        rough = _outlying(logged - smooth)
+        rough = _outlying(logged - smooth, step)
         again = kept & ~(rough[:-2] | rough[1:-1] | rough[2:])
         if np.array_equal(again, kept):
             break
         kept = again
-        smooth, stiffness, size = _cross_validated(logged, kept)
-    white = np.random.default_rng(logged.size).normal(0.0, size, logged.size)
-    return smooth, _whittaker(white, stiffness * kept)
+        smooth, stiffness, size = _smoothed(logged, kept, step)
+    rng = np.random.default_rng(logged.size)
+    if step:
+        smooth = np.clip(smooth, logged - 0.5 * step, logged + 0.5 * step)
+        # Between other levels the error is another one; it is constant while a level is held.
+        held = np.cumsum(np.diff(logged, prepend=logged[0]) != 0.0)
+        shifted = smooth + rng.uniform(0.0, step, held[-1] + 1)[held]
+        error = step * np.round(shifted / step) - shifted
+    else:
+        error = rng.normal(0.0, size, logged.size)
+    return smooth, _whittaker(error, stiffness * kept)
+
+
+def _smoothed(logged: Array, kept: NDArray[np.bool_], step: float) -> tuple[Array, float, float]:
+    """Smoothed series, its penalty, and the size of the noise [V].
+
+    The second differences with `kept` (n_sample - 2,) are penalised.
+    """
+    if not step:
+        return _cross_validated(logged, kept)
+    best, chosen, rounding = logged, 0.0, step / np.sqrt(12.0)
+    for stiffness in _STIFFNESSES:
+        trial = _whittaker(logged, stiffness * kept)
+        if np.mean((logged - trial) ** 2) > rounding**2:
+            break
+        best, chosen = trial, float(stiffness)
+    return best, chosen, rounding
 
 
 def _cross_validated(logged: Array, kept: NDArray[np.bool_]) -> tuple[Array, float, float]:
@@ -82,24 +131,26 @@ def _cross_validated(logged: Array, kept: NDArray[np.bool_]) -> tuple[Array, flo
     return best, chosen, noise
 
 
-def _outlying(removed: Array) -> NDArray[np.bool_]:
+def _outlying(removed: Array, step: float) -> NDArray[np.bool_]:
     """Samples whose removed part is no noise: the voltage varies too fast there to be smoothed."""
     size = np.abs(removed)
+    if step:
+        return size > step
     if not size.any():
         return size > 0.0
     return size > _OUTLYING * _NORMAL * float(np.median(size[size > 0.0]))
 
 
-def _jumps(logged: Array) -> list[int]:
-    """First sample after each jump, with the first and the end of the series."""
+def _jumps(logged: Array, step: float) -> list[int]:
+    """First sample after each jump of the series; rounding causes changes of one step."""
     change = np.diff(logged)
     if change.size <= 2 * _NEIGHBOURS:
-        return [0, logged.size]
+        return []
     padded = np.pad(change, _NEIGHBOURS, mode="edge")
     window = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
     beyond = np.abs(change - np.median(window, axis=1))
-    found = np.flatnonzero(beyond > _JUMP * _NORMAL * float(np.median(beyond))) + 1
-    return [0, *(int(k) for k in found), logged.size]
+    limit = max(_JUMP * _NORMAL * float(np.median(beyond)), 1.5 * step)
+    return [int(k) + 1 for k in np.flatnonzero(beyond > limit)]
 
 
 def _whittaker(series: Array, stiffness: Array) -> Array:

@@ -24,6 +24,7 @@ from identification.fit.identifiability import identified
 from identification.fit.sensors import coarse_warnings
 from identification.fit.solve import Fit
 from identification.fit.temperature import estimated_temperatures
+from identification.fit.voltage import coarse_voltage_warnings
 from identification.ingest.run import Run
 from identification.model.unlogged import COLDEST, HOTTEST
 from identification.posterior.sample import Sample
@@ -298,6 +299,7 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
         *early_stop_warnings(findings.final, findings.outcome, findings.sample, *stopped),
         *outlier_warnings(findings.simulated["after"]["training"]),
         *coarse_warnings(campaign.training_runs, findings.noise),
+        *coarse_voltage_warnings(campaign.training_runs, findings.final),
         *worse_runs(findings),
         *omitted_warnings(findings.final, findings.omitted),
         *confounded_warnings(findings.final, findings.fraction, findings.omitted),

@@ -48,6 +48,7 @@ __all__ = [
 _BY_CHANCE: Final = 0.5
 """Expected gain of the log likelihood by a parameter that has no effect."""
 _ODD: Final = "implausible: like noise of the voltage, it makes a temperature coefficient unusual"
+_NOISE: Final = "implausible: it explains no more than noise of the voltage causes"
 UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equations are not finite"
 
 
@@ -153,7 +154,13 @@ class EvaluatedModel:
             # An extended variant has the type of the term it replaces, and can be implausible too.
             if term not in simpler.fit.simulator.model.terms and term.flaw(own):
                 return term.flaw(own)
-        is_odd = self.noise.any() and has_odd_coefficients(self.fit)
+        if not self.noise.any():
+            return ""
+        removed = simpler.fit.weighting.deviation**2 - self.fit.weighting.deviation**2
+        is_curve = any(term.name == "unlisted" for term in self.effects_added_to(simpler))
+        if is_curve and np.all(removed <= simpler.noise):
+            return _NOISE
+        is_odd = has_odd_coefficients(self.fit)
         return _ODD if is_odd and not has_odd_coefficients(simpler.fit) else ""
 
     def predicts_worse(self, other: EvaluatedModel, policy: SelectionPolicy) -> bool:

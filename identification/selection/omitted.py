@@ -24,12 +24,14 @@ import numpy as np
 from identification.arrays import Array
 from identification.fit.derivatives import gradient_of
 from identification.fit.solve import Fit
-from identification.linear import solution
+from identification.linear import root, solution
+from identification.selection.policy import DEFAULT
 from identification.selection.score import Score
 
 __all__ = [
     "OmittedTerm",
     "consider_variances",
+    "input_errors",
     "omitted_terms",
     "optimum_shifts",
     "unknown_gain",
@@ -42,7 +44,7 @@ class OmittedTerm:
     """A term outside the model that may bias its parameters."""
 
     name: str
-    """Effect type, ``unlisted`` or ``current_gain``."""
+    """Effect type, ``unlisted``, or what is unknown of an input, such as ``current_gain``."""
     gain: float | None
     """Predicted gain of the log likelihood, in effective samples; negative for the loss at another
     optimum, None if the data contain no information on it."""
@@ -121,6 +123,33 @@ def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
         name: power * largest * float(values[name] / slopes[name]) for name, power in powers.items()
     }
     return (OmittedTerm("current_gain", None, None, steps),)
+
+
+def input_errors(
+    fit: Fit, fraction: float, name: str, changes: Sequence[Array]
+) -> tuple[OmittedTerm, ...]:
+    """Parameter changes by independent unknown errors of an input, as independent directions.
+
+    The changes of the simulated channels are (n_sample, 2, n_error) for each record, by one
+    standard deviation of each error, which has another value in each record [A, rad/s].  A
+    direction that widens an interval too little is dropped.
+    """
+    steps = np.hstack(optimum_shifts(fit, changes))
+    if not np.isfinite(steps).all():
+        return ()
+    factor = root(fit.equations.covariance(fraction))
+    directions, widenings, _ = np.linalg.svd(solution(factor, steps), full_matrices=False)
+    names = fit.coordinates.names
+    return tuple(
+        OmittedTerm(
+            name,
+            None,
+            None,
+            dict(zip(names, map(float, factor @ direction * widening), strict=True)),
+        )
+        for direction, widening in zip(directions.T, widenings, strict=True)
+        if widening > DEFAULT.widening
+    )
 
 
 def consider_variances(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:

@@ -25,11 +25,9 @@ from numpy.polynomial import legendre
 
 from identification.arrays import Array
 from identification.fit.solve import Fit
-from identification.linear import root, solution
 from identification.model.excitation import Record
 from identification.model.term import AbstractTemperature
-from identification.selection.omitted import OmittedTerm, optimum_shifts
-from identification.selection.policy import DEFAULT
+from identification.selection.omitted import OmittedTerm, input_errors
 
 __all__ = ["thermometer_errors"]
 
@@ -38,31 +36,13 @@ _ORDERS: Final = 6
 
 
 def thermometer_errors(fit: Fit, fraction: float) -> tuple[OmittedTerm, ...]:
-    """Parameter changes by the unknown error of coarse temperature logs, as independent directions.
-
-    A direction that widens an interval too little is dropped.
-    """
+    """Parameter changes by the unknown error of coarse temperature logs."""
     if not any(record.resolution for record in fit.simulator.records):
         return ()
     terms = [t for t in fit.simulator.model.terms if isinstance(t, AbstractTemperature)]
     if any(state.is_own for term in terms for state in term.states):
         return ()
-    steps = np.hstack(optimum_shifts(fit, _deviations(fit)))
-    if not np.isfinite(steps).all():
-        return ()
-    factor = root(fit.equations.covariance(fraction))
-    directions, widenings, _ = np.linalg.svd(solution(factor, steps), full_matrices=False)
-    names = fit.coordinates.names
-    return tuple(
-        OmittedTerm(
-            "temperature_resolution",
-            None,
-            None,
-            dict(zip(names, map(float, factor @ direction * widening), strict=True)),
-        )
-        for direction, widening in zip(directions.T, widenings, strict=True)
-        if widening > DEFAULT.widening
-    )
+    return input_errors(fit, fraction, "temperature_resolution", _deviations(fit))
 
 
 def _deviations(fit: Fit) -> list[Array]:

@@ -15,6 +15,7 @@ from identification.options import FitOptions
 from identification.pipeline import identify
 from identification.prediction import predict
 from identification.selection.evidence import evaluated, scores_of
+from identification.selection.trials import Trials
 from tests.motors import Motor, motor_named, run_of
 
 MOTOR = motor_named("servo 100 W")
@@ -43,6 +44,22 @@ def with_noise(run: Run, size: float) -> Run:
     """The run with noise of the voltage sensor [V]."""
     rng = np.random.default_rng(int(run.name[3]) + 50)
     return replace(run, voltage=run.voltage + size * rng.standard_normal(run.rows))
+
+
+def knob(seed: int, step: float, *, follows: bool = False) -> Run:
+    """Run of a voltage that is turned up and down by hand and held in between, logged in steps [V].
+
+    With `follows`, a supply with such steps applies the logged voltage.
+    """
+    rng = np.random.default_rng(seed)
+    turns = np.sort(np.concatenate([np.linspace(0, ROWS, 7), np.linspace(100, ROWS + 100, 7)]))
+    voltage = np.interp(np.arange(ROWS), turns, np.repeat(rng.uniform(-20.0, 20.0, 7), 2))
+    logged = step * np.round(voltage / step)
+    temperature = np.full(ROWS, 25.0 + 20.0 * seed)
+    run = run_of(MOTOR, logged if follows else voltage, temperature, np.zeros(2), "zoh")
+    current = run.current + 0.01 * np.std(run.current) * rng.standard_normal(ROWS)
+    speed = run.speed + 0.001 * np.std(run.speed) * rng.standard_normal(ROWS)
+    return replace(run, voltage=logged, current=current, speed=speed, name=f"run{seed}.csv")
 
 
 def decided(runs: list[Run]) -> tuple[Campaign, Campaign]:
@@ -131,3 +148,44 @@ def test_a_prediction_removes_the_noise_as_the_fit_did() -> None:
         np.std(predict(one, runs[2])["current_A"] - true.current) for one in (result, as_logged)
     )
     assert smooth < 0.5 * noisy
+
+
+def test_the_steps_of_a_slow_voltage_are_smoothed_and_widen_the_intervals() -> None:
+    """While a level is held, half a step of 0.5 V changes the speed by many times its noise.
+
+    Neither a curve over time nor a delay is named, and the true motor is within the intervals.
+    """
+    runs = [knob(k, 0.5) for k in range(3)]
+    result = identify(runs[:2], runs[2:], FitOptions(posterior=False)).result
+    assert result["declared"]["voltage"] == "smoothed"
+    assert result["effects"] == []
+    codes = [warning["code"] for warning in result["warning_details"]]
+    assert "coarse_quantisation" in codes
+    assert "voltage_noise" in {term["name"] for term in result["diagnosis"]["omitted"]}
+    for name, value in zip(("Ra25", "Kt25", "J"), MOTOR.values[0:5:2], strict=True):
+        found = result["parameters"][name]
+        assert abs(found["mean"] - value) < 3.0 * found["sd"]
+
+
+def test_the_steps_of_a_supply_are_kept() -> None:
+    """The current shows that the motor receives the steps."""
+    before, after = decided([knob(k, 0.5, follows=True) for k in range(3)])
+    assert after is before
+
+
+@pytest.mark.parametrize(("share", "is_refused"), [(0.9, True), (1.1, False)])
+def test_a_curve_has_to_explain_more_than_the_noise_of_the_voltage(
+    share: float, is_refused: bool
+) -> None:
+    """Both variances are lower with the curve, by a share of what the noise causes."""
+    _, campaign = decided([knob(k, 0.5) for k in range(3)])
+    trials = Trials(campaign)
+    nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
+    score = next(s for s in trials.curves(nominal) if s.candidate.tried is None)
+    ((_, fit),) = trials.refits(nominal, [score])
+    curve = trials.evaluate(fit)
+    deviation = np.sqrt(fit.weighting.deviation**2 + share * curve.noise)
+    weighting = replace(nominal.fit.weighting, deviation=deviation)
+    simpler = replace(nominal, fit=replace(nominal.fit, weighting=weighting), noise=curve.noise)
+    refusal = curve.criteria(simpler, 1).refusal
+    assert ("no more than noise of the voltage" in refusal) == is_refused

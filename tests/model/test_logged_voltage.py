@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.arrays import Array
-from identification.model.logged_voltage import smooth_voltage
+from identification.model.logged_voltage import smooth_voltage, voltage_step
 
 ROWS = 3000
 TIME = np.arange(ROWS)
@@ -34,6 +34,29 @@ def test_a_voltage_without_noise_stays(name: str) -> None:
     """What is removed of an exact voltage is rounding, with the jumps and at both ends."""
     true = (SMOOTH | STEPPED)[name]
     np.testing.assert_allclose(smooth_voltage(true)[0], true, atol=1e-6)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.5])
+@pytest.mark.parametrize("height", [0.0, 3.0])
+def test_coarse_rounding_is_reduced_and_what_is_left_has_its_size(
+    step: float, height: float
+) -> None:
+    """Half of the rounding is removed; the random series is as large as the error that is left."""
+    true = 10.0 * np.sin(TIME / 200.0) + height * np.sign(np.sin(TIME / 80.0))
+    logged = step * np.round(true / step)
+    smooth, left = smooth_voltage(logged)
+    assert voltage_step(logged) == pytest.approx(step, rel=1e-6)
+    assert np.std(smooth - true) < 0.5 * step / np.sqrt(12.0)
+    assert 0.5 < np.std(left) / np.std(smooth - true) < 2.0
+    assert np.abs(smooth - logged).max() < 0.5001 * step
+
+
+def test_levels_of_a_generator_are_no_rounding() -> None:
+    """Stairs, ramps of whole steps, and normal numbers with sixteen digits."""
+    stairs = np.repeat([6.0, 12.0, 24.0, -12.0, -24.0, 0.0, 10.0, 18.0, 2.0, 14.0], 300)
+    ramps = np.clip(np.abs(TIME % 1000 - 500) / 10.0, 10.0, 40.0)
+    for logged in (stairs, ramps, RNG.standard_normal(ROWS)):
+        assert voltage_step(logged) == 0.0
 
 
 @pytest.mark.parametrize("name", list(STEPPED))
