@@ -44,7 +44,11 @@ from identification.result.content import assemble
 from identification.result.findings import Findings
 from identification.selection.confounded import confounded_terms, unresolved_transients
 from identification.selection.long import search_long
-from identification.selection.non_identifiable import linear_parts_of, with_linear_parts
+from identification.selection.non_identifiable import (
+    collinear_sizes,
+    linear_parts_of,
+    with_linear_parts,
+)
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
 from identification.selection.sharpening import with_sharp_friction
@@ -295,6 +299,7 @@ def _omitted(
             outcome.fit if outcome else declared, before, is_structured=bool(unexplained)
         ),
         *thermometer_errors(final, effective_fraction(final)),
+        *collinear_sizes(final),
         *voltage_errors(final, effective_fraction(final)),
         *unresolved_transients(final, effective_fraction(final)),
     )

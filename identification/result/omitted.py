@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from identification.effects.effect import effects_of
 from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
 from identification.quantities import DECLARED_PARAMETERS
@@ -85,6 +86,8 @@ def confounded_warnings(
 def _confounded(final: Fit, term: OmittedTerm) -> ResultWarning:
     """Warning on one confounded parameter: the alternative, and the measurement that decides."""
     values, name = final.by_name, term.parameter
+    if name not in DECLARED_PARAMETERS:
+        return _collinear(final, term)
     there = dict(zip(final.coordinates.names, final.position, strict=True))
     moved = np.array([there[key] + term.steps.get(key, 0.0) for key in final.coordinates.names])
     low = final.coordinates.values(np.clip(moved, final.coordinates.lower, np.inf))
@@ -119,6 +122,20 @@ def _confounded(final: Fit, term: OmittedTerm) -> ResultWarning:
         )
         fix = "record runs in both directions and at several speeds, or give --known b=VALUE"
     return ResultWarning("confounded_parameter", "warning", message, fix, "known")
+
+
+def _collinear(final: Fit, term: OmittedTerm) -> ResultWarning:
+    """Warning on the size of an effect that is collinear with the curve of the model."""
+    effect, _, own = term.parameter.partition(".")
+    k = final.coordinates.names.index(term.parameter)
+    size = f"{final.values[k]:.3g} {final.coordinates.parameters[k].unit}"
+    (curve,) = (one for one in effects_of(final.simulator.model.terms) if one.name == term.name)
+    message = (
+        f"{own} of {effect.replace('_', ' ')} is collinear with the {curve.variant}: only their "
+        f"sum is determined, and the {size} may be a part of the curve"
+    )
+    fix = "measure that effect alone, for example friction in a run without load"
+    return ResultWarning("confounded_parameter", "warning", message, fix)
 
 
 def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bench import EffectRequest, make_campaign
+from identification.effects.friction import CoulombFriction
 from identification.fit.declared import fit_declared
 from identification.fit.identifiability import identified
 from identification.fit.noise import effective_fraction
@@ -16,12 +17,15 @@ from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
 from identification.posterior.density import Posterior
+from identification.result.omitted import confounded_warnings
 from identification.selection.candidates import scales_of
 from identification.selection.non_identifiable import (
+    collinear_sizes,
     linear_parts_of,
     with_linear_parts,
     with_linear_parts_drawn,
 )
+from identification.selection.omitted import consider_variances
 from identification.selection.refit import refined, refitted_with
 from identification.selection.start import Start
 from identification.surrogates.curve import HEIGHTS, AbstractCurve
@@ -146,3 +150,56 @@ def test_parameters_of_a_model_with_a_curve_are_correct_or_not_identified(
     for name, value in measured.truth["parameters"].items():
         off = abs(draws[name].mean() - value)
         assert off < max(4.0 * draws[name].std(), 0.01 * abs(value)), name
+
+
+def with_friction(curve: EffectRequest, along: str, carrier: str) -> tuple[Fit, float]:
+    """Fit of a curve and a Coulomb friction to a motor that has both, and its torque [N m]."""
+    hidden = [curve, EffectRequest("coulomb_friction", 0.2)]
+    measured = make_campaign("servo_150w", hidden, seed=31, rows=1200, training=4, validation=1)
+    declared = fit_declared(records_of_bench(measured).training, "zoh")
+    closed = with_curve(declared, along, carrier, "mechanical")
+    (candidate,) = CoulombFriction.candidates(scales_of(closed))
+    start = candidate.starts[:, 0]
+    found = refined(refitted_with(closed, candidate.term, [Start(start)]))
+    torque = measured.truth["effects"][1]["values"]["torque"]
+    return found, torque
+
+
+def test_a_friction_that_a_curve_contains_is_not_identified_and_their_sum_is() -> None:
+    """A constant friction is the sum of all splines over the load, times the sign of the speed."""
+    fit, torque = with_friction(
+        EffectRequest("load_dependent_friction", 0.1), "size of current", "direction"
+    )
+
+    (found,) = collinear_sizes(fit)
+
+    name = "coulomb_friction.torque"
+    fraction = effective_fraction(fit)
+    added = consider_variances(fit, [found])
+    assert found.parameter == name
+    assert identified(fit, fraction)[name]
+    assert not identified(fit, fraction, added)[name]
+    (warning,) = confounded_warnings(fit, fraction, [found])
+    assert "torque of coulomb friction is collinear with the curve over mag" in warning.message
+    at = fit.coordinates.names.index(name)
+    assert (
+        abs(fit.values[at] - torque)
+        < 2.0 * found.steps[name] * fit.coordinates.slopes(fit.position)[at]
+    )
+    moved = np.array([found.steps.get(key, 0.0) for key in fit.coordinates.names])
+    alone = np.where(np.arange(moved.size) == at, moved, 0.0)
+    together, single = (
+        np.concatenate(
+            fit.simulator.logged(fit.coordinates.values(fit.position + step)[:, None], fit.states)
+        )[:, :, 0] - np.concatenate(fit.simulated())
+        for step in (moved, alone)
+    )  # fmt: skip
+    assert np.linalg.norm(together) < 0.05 * np.linalg.norm(single)
+
+
+def test_a_friction_that_a_curve_cannot_form_stays_identified() -> None:
+    """A curve in the speed is smooth where the friction changes its sign."""
+    fit, torque = with_friction(EffectRequest("rub_above_speed", 0.1), "speed", "")
+
+    assert collinear_sizes(fit) == ()
+    assert fit.by_name["coulomb_friction.torque"] == pytest.approx(torque, rel=0.1)
