@@ -135,7 +135,6 @@ class BatchOut(BatchSummary):
 
     @classmethod
     def of(cls, batch: StoredBatch) -> BatchOut:
-        """Build the schema from a stored batch."""
         listed = [
             {
                 "fit": fit.id,

@@ -82,7 +82,6 @@ class DaskEngine(AbstractEngine):
         return self._threads_of_one
 
     def start(self, job: FitJob) -> AbstractRunning:
-        """Submit an attempt to the cluster."""
         client = self._client
         line = _line(client)
         if client is None or line is None:

@@ -108,15 +108,12 @@ class LocalEngine(AbstractEngine):
         self._threads = threads
 
     def open(self) -> None:
-        """Start the fork server."""
         self._fork_server.start()
 
     def close(self) -> None:
-        """Stop the fork server and its children."""
         self._fork_server.stop()
 
     def capacity(self) -> int:
-        """Configured maximum number of parallel jobs."""
         return self._most
 
     def threads(self, jobs: int) -> int:
@@ -124,7 +121,6 @@ class LocalEngine(AbstractEngine):
         return self._threads or max(1, cores() // min(jobs, self._most))
 
     def start(self, job: FitJob) -> AbstractRunning:
-        """Fork a process for a job."""
         return _LocalRunning(job, self._fork_server.fork(dataclasses.asdict(job)))
 
 

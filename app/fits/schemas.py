@@ -225,7 +225,6 @@ class FitOut(FitSummary):
 
     @classmethod
     def of(cls, fit: StoredFit) -> FitOut:
-        """Build the schema from a stored fit."""
         return cls.model_validate(_fields(fit) | {"result": fit.result})
 
 

@@ -59,7 +59,6 @@ class Gate:
         self.no_auth = no_auth
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request, or reject it."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return

@@ -56,7 +56,6 @@ class RequestLog:
         self.metrics = metrics
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request and its response."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -159,7 +158,6 @@ class RequestCheck:
         self.closing = closing
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request that passes the check."""
         try:
             if scope["type"] == "http":
                 self.check(scope)

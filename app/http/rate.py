@@ -72,7 +72,6 @@ class RateLimit:
         self._buckets: dict[str, Bucket] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forward a request if a token of its key is available."""
         caller = scope.get("state", {}).get("caller")
         key_id = caller.key_id if isinstance(caller, Caller) else None
         if scope["type"] != "http" or key_id is None or self._rate_per_s == 0.0:

@@ -60,11 +60,9 @@ class Disturbance(AbstractTorque, AbstractVoltage):
     )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Missing voltage [V]."""
         return values.voltage
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Missing torque [N m]."""
         return values.torque
 
 

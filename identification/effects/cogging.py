@@ -87,7 +87,6 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The order and, if the angle is logged, the amplitudes."""
         order = shape("order", "-", "number of periods per revolution", 0.5, 2.0 * HIGHEST_ORDER)
         amplitudes = tuple(
             amplitude(name, "N m", meaning, self.torque_size, signed=True)

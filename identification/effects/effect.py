@@ -188,12 +188,10 @@ class AbstractRunEffect(AbstractEffect):
 
     @property
     def runs(self) -> tuple[int, ...]:
-        """Numbers of the runs; empty for the prototype, which acts in all."""
         return () if self.run is None else (self.run,)
 
     @property
     def variant(self) -> str:
-        """The runs."""
         return runs_text(self.runs) if self.runs else ""
 
     def in_runs(self, run: int, *others: int) -> Self:

@@ -60,7 +60,6 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Voltage, current of the knee, sharpness, openness and asymmetry."""
         return (
             amplitude(
                 "voltage", "V", "voltage drop of both brushes at high current", self.voltage_size
@@ -79,7 +78,6 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
         )  # fmt: skip
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Voltage of the drop, opposite to the current [V]."""
         power, openness = values.sharpness, values.openness
         relative = signals.current / values.knee
         size = ca.exp(0.5 * power * ca.log(relative * relative + _SMALLEST**2))
@@ -92,7 +90,6 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate, its knee scanned."""
         drop, knees = 0.03 * scales.voltage, (0.02, 0.1, 0.4)
         starts = [(drop, knee * scales.current, 2.0, 1.0, 0.0) for knee in knees]
         return [Candidate(cls(scales.voltage, scales.current), columns(*starts))]
@@ -120,7 +117,6 @@ class _Saturation(AbstractEffect, AbstractCoefficient):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Fall c at the reference current, exponent n, and fraction s that does not saturate."""
         meaning = f"relative fall of {self.coefficient} at {self.reference:.4g} A"
         return (
             Parameter(
@@ -132,7 +128,6 @@ class _Saturation(AbstractEffect, AbstractCoefficient):
         )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on the coefficient [-]."""
         ratio = signals.current / self.reference
         size = ratio * ratio + 1e-4
         lasting = getattr(values, self.lasting.name)

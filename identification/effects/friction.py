@@ -65,7 +65,6 @@ class CoulombFriction(_Friction):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Torque and asymmetry."""
         return (
             amplitude(
                 "torque", "N m", "mean Coulomb friction torque of both directions", self.torque_size
@@ -74,7 +73,6 @@ class CoulombFriction(_Friction):
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque against the motion [N m]."""
         # Algebraic, so that it costs one square root.
         sign = signals.speed / ca.sqrt(signals.speed * signals.speed + self.width * self.width)
         return -values.torque * (1 + values.asymmetry * sign) * sign
@@ -86,7 +84,6 @@ class CoulombFriction(_Friction):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate."""
         term = cls(scales.torque, _WIDTH * scales.speed)
         return [Candidate(term, columns((0.05 * scales.torque, 0.0)))]
 
@@ -116,7 +113,6 @@ class StribeckFriction(_Friction):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Torque, speed and exponent."""
         return (
             amplitude(
                 "torque", "N m", "additional friction torque at standstill", self.torque_size
@@ -129,7 +125,6 @@ class StribeckFriction(_Friction):
         )  # fmt: skip
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque against the motion [N m]."""
         speed = signals.speed
         size = ca.sqrt(speed * speed + self.width * self.width)
         fading = ca.exp(-ca.exp(values.exponent * ca.log(size / values.speed)))
@@ -142,7 +137,6 @@ class StribeckFriction(_Friction):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate, its speed scanned."""
         term = cls(scales.torque, scales.speed, _WIDTH * scales.speed)
         starts = [(0.05 * scales.torque, f * scales.speed, 1.0) for f in (0.03, 0.1, 0.3)]
         return [Candidate(term, columns(*starts))]
@@ -169,7 +163,6 @@ class QuadraticDrag(_Friction):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Torque at the reference speed, exponent and asymmetry."""
         return (
             amplitude(
                 "torque", "N m", f"drag torque at {self.reference:.4g} rad/s", self.torque_size
@@ -179,7 +172,6 @@ class QuadraticDrag(_Friction):
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque against the motion [N m]."""
         ratio = signals.speed / self.reference
         size = ca.sqrt(ratio * ratio + 1e-6)
         even = ca.exp((values.exponent - 1) * ca.log(size))
@@ -187,7 +179,6 @@ class QuadraticDrag(_Friction):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate."""
         return [
             Candidate(cls(scales.torque, scales.speed), columns((0.05 * scales.torque, 2.0, 0.0)))
         ]
@@ -225,7 +216,6 @@ class ViscousTemperature(AbstractEffect, AbstractCoefficient):
     )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on b [-]."""
         fall = values.rate * (signals.temperature - 25)
         part = ca.fmin(values.form * fall, 1 - _LEAST_LEFT)
         is_small = ca.fabs(part) < _NEARLY_NONE
@@ -235,7 +225,6 @@ class ViscousTemperature(AbstractEffect, AbstractCoefficient):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate, if the temperature range is at least 3 K."""
         if scales.heated < 3.0:
             return []
         return [Candidate(cls(), columns((0.01, 0.2), (-0.005, 0.2)))]

@@ -76,12 +76,10 @@ class _Lag(AbstractEffect, AbstractTemperature):
 
     @property
     def states(self) -> tuple[State, ...]:
-        """Temperature of the body."""
         return (State("temperature", "degC", "temperature"),)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Time constant."""
         return (self._time_constant("time constant of the magnet temperature"),)
 
     def _time_constant(self, meaning: str) -> Parameter:
@@ -94,12 +92,10 @@ class _Lag(AbstractEffect, AbstractTemperature):
         return before + states.temperature - signals.temperature
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the body's temperature [K/s]."""
         return [(signals.temperature - states.temperature) / values.time_constant]
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate, its time constant scanned, if the temperature varies within a record."""
         if not _moves(scales):
             return []
         term = cls(scales.duration / 200, scales.run_duration * 5)
@@ -179,7 +175,6 @@ class WindingLag(_Lag):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Time constant of the lag."""
         return (
             self._time_constant(
                 f"time constant of the lag ({_WORDS.get(self.direction, self.direction)})"
@@ -246,12 +241,10 @@ class _ScoredError(WindingLag):
 
     @property
     def states(self) -> tuple[State, ...]:
-        """None."""
         return ()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Time constant and amplitudes."""
         size = self.step
         errors = (amplitude(name, "K", name, size, signed=True) for name in _ERRORS)
         return (*super().parameters, *errors)
@@ -259,7 +252,6 @@ class _ScoredError(WindingLag):
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Temperature of the body [degC]."""
         return before + self._error(signals, values, values)
 
 

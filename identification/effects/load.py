@@ -66,16 +66,13 @@ class LoadTorque(AbstractEffect, AbstractTorque):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The torque."""
         return (amplitude("torque", "N m", "constant load torque", self.torque_size, signed=True),)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque of the load [N m]."""
         return -values.torque
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate."""
         return [Candidate(cls(scales.torque), columns((0.05 * scales.torque,)))]
 
 
@@ -110,16 +107,13 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
 
     @property
     def runs(self) -> tuple[int, ...]:
-        """Numbers of the runs with the load."""
         return (*super().runs, *self.others)
 
     def in_runs(self, run: int, *others: int) -> LoadStep:
-        """The load in these runs."""
         return replace(self, run=run, others=others)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Torque, start time and stop time."""
         start = Parameter(
             "start", "s", "time at which the load begins", scale=self.duration / 50,
             lower=-self.duration, upper=2 * self.duration,
@@ -146,7 +140,6 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque of the load [N m]."""
         here = _in_runs(signals, self.runs)
 
         def passed(moment: Expression) -> Expression:
@@ -192,19 +185,16 @@ class InertiaChange(AbstractRunEffect, AbstractCoefficient):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The relative change."""
         meaning = f"relative change of the inertia in {runs_text(self.runs)}"
         return (
             Parameter("change", "-", meaning, scale=0.1, lower=-0.9, upper=20.0, prior_sd=10.0),
         )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on J [-]."""
         return 1 + values.change * _in_runs(signals, self.runs)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate for single runs, if there are at least two."""
         if len(scales.runs) < 2:
             return []
         return [Candidate(cls(None), columns((0.2,), (-0.15,)))]
@@ -238,7 +228,6 @@ class ShaftCompliance(AbstractSecondInertia):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Share of the inertia behind the shaft, resonance, damping and hardening."""
         return (
             share_of_inertia("fraction of the inertia J behind the elastic shaft"),
             shape(
@@ -254,7 +243,6 @@ class ShaftCompliance(AbstractSecondInertia):
         )  # fmt: skip
 
     def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:
-        """Acceleration of the second inertia by the shaft [rad/s^2]."""
         stiffness = values.resonance**2
         torque = values.share * values.J * stiffness * twist / self.torque_size
         spring = stiffness * twist * (1 + values.hardening * torque * torque)

@@ -48,16 +48,13 @@ class AbstractSecondInertia(AbstractEffect, AbstractTorque, AbstractCoefficient)
         """
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Share of J that turns with the rotor [-]."""
         return 1 - values.share
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque of the second inertia on the rotor [N m]."""
         slip = signals.speed - states.speed
         return -values.share * values.J * self.pull(states.twist, slip, values)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rates of the twist [rad/s] and of the speed of the second inertia [rad/s^2]."""
         slip = signals.speed - states.speed
         return [slip, self.pull(states.twist, slip, values)]
 

@@ -55,12 +55,10 @@ class _Filter(AbstractEffect, AbstractSensor):
 
     @property
     def variant(self) -> str:
-        """The order, if it is two."""
         return "second order" if self.order == 2 else ""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Time constant tau and, for second order, the coefficient q."""
         time = shape(
             "time_constant", "s", "time constant of the filter", self.fastest, self.slowest
         )
@@ -69,13 +67,11 @@ class _Filter(AbstractEffect, AbstractSensor):
 
     @property
     def states(self) -> tuple[State, ...]:
-        """Filtered value and, for second order, its rate times the time constant."""
         filtered = State("filtered", self.unit, self.channel, fades=True)
         rise = State("rise", self.unit, fades=True)
         return (filtered, rise) if self.order == 2 else (filtered,)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rates of the states [unit of the channel / s]."""
         lag = getattr(signals, self.channel) - states.filtered
         if self.order == 1:
             return [lag / values.time_constant]
@@ -87,12 +83,10 @@ class _Filter(AbstractEffect, AbstractSensor):
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Logged value."""
         return states.filtered + 0 * before
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate of each order, its time constant scanned."""
         scanned = [f * scales.interval for f in (0.7, 3.0, 12.0, 50.0)]
         ends = 0.1 * scales.interval, 300 * scales.interval
         # A fit without a filter of the current explains its lag by a larger inductance.
@@ -124,12 +118,10 @@ class SpeedMean(AbstractEffect, AbstractMean):
 
     @property
     def variant(self) -> str:
-        """The law."""
         return self.law
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate without parameters."""
         return [Candidate(cls(), columns(()))]
 
 
@@ -155,7 +147,6 @@ class SpeedFilter(_Filter):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """A low-pass filter of each order, its time constant scanned, and the mean."""
         return [*super().candidates(scales), *SpeedMean.candidates(scales)]
 
 
@@ -189,12 +180,10 @@ class ChannelDelay(AbstractEffect, AbstractDelay):
 
     @property
     def variant(self) -> str:
-        """The channel."""
         return self.channel
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The delay."""
         return (
             Parameter(
                 "delay", "s", f"delay of the {self.channel} channel", scale=self.interval,
@@ -204,7 +193,6 @@ class ChannelDelay(AbstractEffect, AbstractDelay):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate per channel."""
         depth = 8
         starts = columns(*[(f * scales.interval,) for f in (0.5, 1.5, 3.5, 6.5)])
         # The current may jump at every voltage sample, so each interval can have a local optimum.
@@ -240,12 +228,10 @@ class LateVoltage(_Hold):
 
     @property
     def variant(self) -> str:
-        """The law."""
         return self.law
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate without parameters."""
         return [Candidate(cls(), columns(()))]
 
 
@@ -262,5 +248,4 @@ class InputHold(_Hold):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate without parameters for each hold."""
         return [Candidate(cls(), columns(())), *LateVoltage.candidates(scales)]

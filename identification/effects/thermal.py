@@ -70,7 +70,6 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
 
     @property
     def variant(self) -> str:
-        """Additions to the basic law."""
         more = ["iron loss"] * self.is_iron + ["two thermal bodies"] * (self.bodies > 1)
         return ", ".join(more)
 
@@ -86,13 +85,10 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
 
     @property
     def states(self) -> tuple[State, ...]:
-        """The rise and, with two bodies, the rise of the winding over the second body."""
         return tuple(State(name, "K") for name in ("rise", "rise_2")[: self.bodies])
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Thermal resistances and time constants, and the iron loss."""
-
         def resistance(name: str, meaning: str, least: float = 0.0) -> Parameter:
             scale, lower = 10.0 / self.power_size, least / self.power_size
             return Parameter(name, "K/W", meaning, scale=scale, lower=lower, prior_sd=20.0)
@@ -126,14 +122,12 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     def felt(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Temperature of the winding [degC]."""
         return before + self._rise(states)
 
     def _rise(self, states: Values) -> Expression:
         return states.rise + states.rise_2 if self.bodies > 1 else states.rise
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of each rise [K/s]."""
         heat = signals.temperature + self._rise(states) - 25
         loss = values.Ra25 * (1 + values.alpha_Ra * heat) * signals.current**2
         warm = loss
@@ -147,7 +141,6 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate, its time constant scanned."""
         power = scales.nominal("Ra25") * scales.current**2
         fastest, slowest = scales.duration / 300, scales.run_duration * 5
         is_logged = all(record.expected is None for record in scales.records)
@@ -179,13 +172,11 @@ class ResistanceCurvature(AbstractEffect, AbstractCoefficient):
     )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on Ra [-]."""
         rise = signals.winding_temperature - 25
         return 1 + values.curvature * rise**2 / (1 + values.alpha_Ra * rise)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate, if the temperature range is at least 10 K."""
         return [Candidate(cls(), columns((5e-6,), (-5e-6,)))] if scales.heated >= 10.0 else []
 
 
@@ -216,7 +207,6 @@ class Demagnetization(AbstractEffect, AbstractCoefficient):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Lost fraction, threshold temperature and width."""
         span = self.hottest - self.coldest
         return (
             Parameter(
@@ -231,13 +221,11 @@ class Demagnetization(AbstractEffect, AbstractCoefficient):
         )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Factor on Kt [-]."""
         late = (signals.peak_temperature - values.temperature) / values.width
         return 1 - values.loss * 0.5 * (1 + late / ca.sqrt(late * late + 1))
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate, its threshold scanned, if the temperature range is at least 5 K."""
         coldest, hottest = scales.temperatures
         if scales.heated < 5.0:
             return []

@@ -45,12 +45,10 @@ class _ZeroError(AbstractEffect):
 
     @property
     def variant(self) -> str:
-        """Label of a drifting error; empty for a constant one."""
         return _DRIFTING if self.drifts else ""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Zero error and, with a drift, its change per run."""
         unit, step = self.unit, 0.1 * self.size
         offset = amplitude("offset", unit, "zero error", self.size, signed=True)
         drift = amplitude("drift", unit, "change of the zero error per run", step, signed=True)
@@ -61,7 +59,6 @@ class _ZeroError(AbstractEffect):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """A constant error and, with three runs or more, a drifting one."""
         size = {"A": scales.current, "rad/s": scales.speed, "V": scales.voltage}[cls.unit]
         tried = cls.tried * size
         constant = Candidate(cls(size), columns((tried,)))
@@ -76,7 +73,6 @@ class _SensorZero(_ZeroError, AbstractSensor):
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Logged value, in the unit of the channel."""
         return before + self._error(signals, values)
 
 
@@ -102,17 +98,14 @@ class CurrentOffset(_SensorZero):
 
     @property
     def variant(self) -> str:
-        """Label of a drifting or per-record error; empty for a constant one."""
         return _EACH_RUN if self.own else super().variant
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Zero error and, with a drift, its change per run; none if free in each record."""
         return () if self.own else super().parameters
 
     @property
     def states(self) -> tuple[State, ...]:
-        """Per-record zero error, if free in each record."""
         return (State("offset", "A", scale=self.size, is_own=True),) if self.own else ()
 
     @property
@@ -123,7 +116,6 @@ class CurrentOffset(_SensorZero):
     def logged(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Logged current [A]."""
         if self.own:
             return before + states.offset
         return super().logged(before, signals, states, values)
@@ -162,5 +154,4 @@ class VoltageOffset(_ZeroError, AbstractSupply):
     tried = 0.03
 
     def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
-        """Terminal voltage [V]."""
         return before - self._error(signals, values)

@@ -62,7 +62,6 @@ class _External(AbstractTorque):
     )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque of the load [N m]."""
         return -values.load_torque
 
 
@@ -96,7 +95,6 @@ class ExportModel(MotorModel):
         return ca.vertcat(self.motor.rates(own, driven, parameter), own[1])
 
     def logged(self, state: Expression, inputs: Expression, parameter: Expression) -> Expression:
-        """Sensor readings of current and speed before averaging and delay, (2,) [A, rad/s]."""
         own, driven = self._driven(state, inputs, parameter)
         return self.motor.logged(own, driven, parameter)
 

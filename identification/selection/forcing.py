@@ -53,11 +53,9 @@ class _Push(AbstractTorque, AbstractVoltage):
     states = (State("voltage", "V"), State("torque", "N m"))
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Voltage [V]."""
         return states.voltage
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque [N m]."""
         return states.torque
 
 

@@ -116,7 +116,6 @@ class AbstractCurve(AbstractForced):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Spline coefficients, and the linear parts that are free."""
         heights = [
             amplitude(f"height_{k}", self.unit, f"spline coefficient {k}", self.size, signed=True)
             for k in range(1, HEIGHTS + 1)
@@ -151,7 +150,6 @@ class AbstractCurve(AbstractForced):
         return -total * self._here(signals)
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
-        """Torque or voltage of each start along a trajectory, (n_sample, n_start) [N m] or [V]."""
         return -self.columns(record, current, speed) @ starts
 
     def columns(self, record: Record, current: Array, speed: Array) -> Array:

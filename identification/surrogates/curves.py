@@ -42,7 +42,6 @@ class _Missing(AbstractCurve):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """Curves in each signal that varies, the spline coefficients of each scored together."""
         size = scales.torque if cls.equation == "mechanical" else scales.voltage
         terms = (_curve(cls, scales, along, carrier, size) for along, carrier in cls.pairs)
         starts = 0.05 * size * np.eye(HEIGHTS)
@@ -71,7 +70,6 @@ class MissingTorque(_Missing, AbstractTorque):
     )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The torque [N m]."""
         return self.missing(signals, values)
 
 
@@ -94,7 +92,6 @@ class MissingVoltage(_Missing, AbstractVoltage):
     )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The voltage [V]."""
         return self.missing(signals, values)
 
 

@@ -73,7 +73,6 @@ class AngularFriction(AbstractForced, AbstractTorque):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The amplitudes, unless they are per-record states."""
         if self.free:
             return ()
         return tuple(
@@ -82,12 +81,10 @@ class AngularFriction(AbstractForced, AbstractTorque):
 
     @property
     def states(self) -> tuple[State, ...]:
-        """The amplitudes, if they are free in each record."""
         names = _names() if self.free else []
         return tuple(State(name, "N m", scale=self.torque_size, is_own=True) for name in names)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The torque [N m]."""
         own = states if self.free else values
         level = own.level
         for k in range(1, _HARMONICS + 1):
@@ -96,7 +93,6 @@ class AngularFriction(AbstractForced, AbstractTorque):
         return -level * signals.speed / ca.sqrt(signals.speed**2 + (_STEEP * self.turning) ** 2)
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
-        """Torque of each start along a trajectory, (n_sample, n_start) [N m]."""
         angle = record.column("angle")
         waves = [np.ones(record.rows)]
         for k in range(1, _HARMONICS + 1):
@@ -140,7 +136,6 @@ class DahlFriction(AbstractEffect, AbstractTorque):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Torque and distance."""
         return (
             amplitude("torque", "N m", "friction torque in sliding", self.torque_size),
             shape(
@@ -150,18 +145,15 @@ class DahlFriction(AbstractEffect, AbstractTorque):
         )  # fmt: skip
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Torque opposite to the relative deflection z [N m]."""
         return -values.torque * states.deflection
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        """Rate of the relative deflection z [1/s]."""
         speed = signals.speed
         size = ca.sqrt(speed * speed + (_ROUNDED * self.speed_size) ** 2)
         return [(speed - size * states.deflection) / values.distance]
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate, its distance scanned."""
         nearest = 0.3 * scales.speed * scales.interval
         farthest = 0.3 * scales.speed * scales.duration
         if farthest < 10 * nearest:
@@ -202,7 +194,6 @@ class Backlash(AbstractSecondInertia):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Share of the inertia, play, and resonance and damping in contact."""
         return (
             share_of_inertia("fraction of the inertia J behind the backlash"),
             shape("play", "rad", "width of the backlash", self.narrowest, self.widest),
@@ -211,7 +202,6 @@ class Backlash(AbstractSecondInertia):
         )
 
     def pull(self, twist: Expression, slip: Expression, values: Values) -> Expression:
-        """Acceleration of the second inertia by the contact [rad/s^2]."""
         half, corner = values.play / 2, _CORNER * values.play
         above, below = twist - half, twist + half
         far, near = ca.sqrt(above**2 + corner**2), ca.sqrt(below**2 + corner**2)
@@ -269,16 +259,13 @@ class SupplySag(AbstractEffect, AbstractVoltage):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The resistance R_s at v_0."""
         meaning = f"equivalent resistance of the supply at {self.voltage_size:.3g} V"
         return (amplitude("resistance", "ohm", meaning, self.resistance_size),)
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Voltage of the sag, opposite to the current [V]."""
         return -values.resistance * (signals.voltage / self.voltage_size) ** 2 * signals.current
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate."""
         size = scales.nominal("Ra25")
         return [Candidate(cls(scales.voltage, size), columns((0.05 * size,)))]

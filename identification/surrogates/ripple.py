@@ -57,7 +57,6 @@ class _Ripple(AbstractForced):
 
     @property
     def variant(self) -> str:
-        """The law in words, with the equation."""
         return f"periodic in time, in the {self.equation} equation"
 
     def _names(self) -> list[str]:
@@ -67,7 +66,6 @@ class _Ripple(AbstractForced):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Frequency f and drift d, and the amplitudes unless they are per-record states."""
         shared = (
             Parameter(
                 "frequency", "Hz", "frequency at the start of a run", scale=0.1 / self.duration,
@@ -89,12 +87,10 @@ class _Ripple(AbstractForced):
 
     @property
     def states(self) -> tuple[State, ...]:
-        """The amplitudes, if they are free in each record."""
         names = self._names() if self.free else []
         return tuple(State(name, self.unit, scale=self.size, is_own=True) for name in names)
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
-        """Torque or voltage of each start along a trajectory, (n_sample, n_start) [N m] or [V]."""
         time = record.time[:, None]
         turns = starts[0] * time + starts[1] * time**2 / (2 * self.duration)
         orders = np.repeat(np.arange(1, _HARMONICS + 1), 2)
@@ -134,7 +130,6 @@ class MissingTorqueRipple(_Ripple, AbstractTorque):
     unit = "N m"
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The torque [N m]."""
         return self._missing(signals, states, values)
 
 
@@ -146,5 +141,4 @@ class MissingVoltageRipple(_Ripple, AbstractVoltage):
     unit = "V"
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """The voltage [V]."""
         return self._missing(signals, states, values)
