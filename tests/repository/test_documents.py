@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import os
 import re
 import shlex
@@ -124,6 +125,23 @@ def test_every_link_on_a_page_has_a_target(page: str) -> None:
 def test_every_path_on_a_page_exists(page: str) -> None:
     """Paths in backticks that begin with a folder of the project."""
     missing = [path for path in PATH.findall(read(page)) if not (ROOT / path).exists()]
+
+    assert missing == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_name_that_an_example_imports_exists(page: str) -> None:
+    """Names of the library, the service and the client in the Python blocks of a page."""
+    missing = [
+        f"{node.module}.{alias.name}"
+        for language, block in FENCE.findall(read(page))
+        if language in {"python", "py"}
+        for node in ast.walk(ast.parse(block))
+        if isinstance(node, ast.ImportFrom) and node.module
+        if node.module.partition(".")[0] in {"app", "identification", "motorid"}
+        for alias in node.names
+        if not hasattr(importlib.import_module(node.module), alias.name)
+    ]
 
     assert missing == []
 
