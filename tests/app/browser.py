@@ -12,8 +12,12 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
@@ -65,6 +69,15 @@ def show(address: str, directory: Path, *, wait_ms: int = 4000) -> Shown:
     )  # fmt: skip
     console = [line for line in finished.stderr.splitlines() if re.search(r"CONSOLE|Refused", line)]
     return Shown(finished.stdout, console, _requests(record))
+
+
+def wait_until_settled(page: Page) -> None:
+    """Wait until the answers of all requests of htmx are on a page.
+
+    The state "networkidle" of Playwright never comes while a page watches a fit.
+    """
+    busy = page.locator(".htmx-request, .htmx-swapping, .htmx-settling")
+    busy.first.wait_for(state="detached")
 
 
 def _requests(record: Path) -> list[str]:

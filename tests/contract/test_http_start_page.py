@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import httpx
 import pytest
 
-from tests.app.browser import BROWSER, needs_browser
+from tests.app.browser import BROWSER, needs_browser, wait_until_settled
 from tests.app.pretended import SLOW
 from tests.app.service import Caller, Server, run_text, serving
 
@@ -74,7 +74,8 @@ def test_each_file_is_drawn_once_and_the_list_is_counted_once(page: Page, tmp_pa
     page.on("request", lambda request: asked.append(f"{request.method} {request.url}"))
 
     drop(page, tmp_path, *range(FILES))
-    page.wait_for_load_state("networkidle")
+    page.locator("article .uplot").nth(4 * FILES - 1).wait_for()
+    wait_until_settled(page)
 
     assert sum(url.endswith("/samples") for url in asked) == FILES
     assert sum(url.startswith("GET") and url.endswith("/pending") for url in asked) == 1
@@ -185,4 +186,4 @@ def rename(page: Page, file: str) -> None:
     with page.expect_response(re.compile("/motor[?]")) as answer:
         page.keyboard.press("Tab")
     answer.value.finished()
-    page.wait_for_load_state("networkidle")
+    wait_until_settled(page)

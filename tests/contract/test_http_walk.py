@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from tests.app.browser import BROWSER, needs_browser
+from tests.app.browser import BROWSER, needs_browser, wait_until_settled
 from tests.app.service import Server, serving
 from tests.app.waiting import WAITS
 from tests.ingest.writers import workbook
@@ -290,7 +290,7 @@ def read_a_refusal(walk: Walk) -> None:
         page.fill("[name=known]", "Kt25=foo")
         page.click("text=Start fit")
         page.locator("#problem", has_text="expected NAME=VALUE").wait_for()
-    page.wait_for_load_state("networkidle")
+    wait_until_settled(page)
     assert page.locator("#problem .notice").is_visible()
     assert page.input_value("[name=known]") == "Kt25=foo"
     # The browser itself and htmx report the status on the console.
