@@ -16,6 +16,8 @@ BIN := $(VENV)/bin
 OUT ?= out
 UV ?= uv
 IMAGE ?= motorid
+# Without bytecode, each process that a test starts would compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 # Arguments for pytest or for a benchmark, such as ARGS="-k name -x".
 ARGS ?=
 
