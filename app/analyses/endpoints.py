@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends, Query
 from fastapi.responses import FileResponse
 
 from app.analyses.schemas import (
@@ -28,7 +29,22 @@ designs = APIRouter(prefix="/designs", tags=["designs"])
 
 _DRAWS = 2000
 _TUNING_DRAWS = 200
-Declared = Annotated[bool, Query(description="Use the nominal model instead of the final one.")]
+
+
+@dataclass(frozen=True)
+class _Prediction:
+    """What both endpoints of a prediction take."""
+
+    caller: CallerDep
+    fit_id: str
+    run_id: str
+    is_wanted: IsWanted
+    declared: Annotated[
+        bool, Query(description="Use the nominal model instead of the final one.")
+    ] = False
+
+
+_PredictionDep = Annotated[_Prediction, Depends()]
 
 
 @router.post("/{fit_id}/feedback", summary="Compute the speed loop", **JSON_CALL)
@@ -67,40 +83,22 @@ def tune_loop(fit_id: str, body: TuningIn, services: ServicesDep, caller: Caller
         **responses(400, 404, 416, 422, 503, 507),
     },
 )
-def fetch_prediction(
-    fit_id: str,
-    run_id: str,
-    services: ServicesDep,
-    caller: CallerDep,
-    is_wanted: IsWanted,
-    declared: Declared = False,
-) -> OpenFileResponse:
+def fetch_prediction(wanted: _PredictionDep, services: ServicesDep) -> OpenFileResponse:
     """Fetch the simulated signals of a stored run, as `motorid predict` writes them."""
     return OpenFileResponse(
-        services.analyses.prediction_table(
-            caller, fit_id, run_id, declared=declared, is_wanted=is_wanted
-        ),
+        services.analyses.prediction_table(**vars(wanted)),
         media_type="text/csv; charset=utf-8",
-        filename=f"{run_id}.csv",
+        filename=f"{wanted.run_id}.csv",
     )
 
 
 @router.get(
     "/{fit_id}/predictions/{run_id}", summary="Predict a run", responses=responses(404, 422, 503)
 )
-def predict_run(
-    fit_id: str,
-    run_id: str,
-    services: ServicesDep,
-    caller: CallerDep,
-    is_wanted: IsWanted,
-    declared: Declared = False,
-) -> PredictionOut:
+def predict_run(wanted: _PredictionDep, services: ServicesDep) -> PredictionOut:
     """Simulate a stored run from its inputs and compare it with the measured signals."""
-    run, prediction = services.analyses.prediction(
-        caller, fit_id, run_id, declared=declared, is_wanted=is_wanted
-    )
-    return PredictionOut.of(fit_id, run.id, declared, prediction)
+    run, prediction = services.analyses.prediction(**vars(wanted))
+    return PredictionOut.of(wanted.fit_id, run.id, wanted.declared, prediction)
 
 
 @designs.post("", summary="Design a run", **JSON_CALL)

@@ -94,7 +94,7 @@ def with_smooth_voltage(
 
 
 def _is_preferred(smooth: Sequence[Fit], logged: Sequence[Fit], *, is_stepped: bool) -> bool:
-    """Whether the runs decide for the smoothed voltage, or not against it if it has steps.
+    """True if the smoothed voltage fits better or, with steps, not decisively worse.
 
     The rounding of a voltage that passes its levels one by one is certain, unless the log is the
     command of a supply with such steps.  What smoothing leaves of it can exceed what it removes and

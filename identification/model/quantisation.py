@@ -45,7 +45,7 @@ def step_of(signal: Array) -> float | None:
 
 
 def stays(signal: Array) -> bool:
-    """Whether many samples equal their predecessor, zeros at standstill excluded."""
+    """True if many samples equal their predecessor, zeros at standstill excluded."""
     same = signal[1:] == signal[:-1]
     moving = signal[1:] != 0.0
     return int(np.count_nonzero(same & moving)) > _STAYS * max(int(np.count_nonzero(moving)), 1)

@@ -127,15 +127,17 @@ class Scan:
                 self._kernels[form, lanes] = Loaded(code, _ARGUMENTS)
         return self._kernels[form, lanes]
 
-    def _width(self, form: Level | None, records: int, lanes: int) -> int:
-        """Lanes of a block, wide if these end before narrow ones.
+    def _width(self, form: Level | None, lanes: Sequence[int]) -> int:
+        """Lanes of a block for records with so many lanes, wide if these end before narrow ones.
 
-        Each thread takes one block after the other.  Wide code takes three times as long to
-        compile, so only the loops of a sampler use it.  The results of a lane are the same.
+        Each thread takes one block after the other.  Wide code takes much longer to compile, so
+        only the loops of a sampler use it.  The results of a lane are the same.
         """
-        wide, narrow = (-(-records * -(-lanes // width) // threads()) for width in (_WIDE, LANES))
-        is_faster = _DURATION * wide < narrow
-        return _WIDE if form == 2 and self._effort == "most" and is_faster else LANES
+        if form != 2 or self._effort != "most":
+            return LANES
+        blocks = [sum(-(-each // width) for each in lanes) for width in (_WIDE, LANES)]
+        wide, narrow = (-(-number // threads()) for number in blocks)
+        return _WIDE if _DURATION * wide < narrow else LANES
 
     def _check_prepared(self, prepare: ca.Function) -> None:
         found = (prepare.size1_in(1), prepare.size1_out(1), self.n_output)
@@ -156,8 +158,8 @@ class Scan:
         """
         tasks: list[tuple[Loaded | Interpreted, tuple[int, ...]]] = []
         finals, outputs = [], []
-        # The reference keeps the code loaded, even if another thread replaces the kernel.
         form = self._form(sum(rows.shape[0] for rows in inputs))
+        width = self._width(form, [start.shape[1] for start in carries])
         if isinstance(parameters, np.ndarray):
             given = [_padded(parameters)] * len(inputs)
         else:
@@ -171,9 +173,10 @@ class Scan:
             stride = carry.shape[1]
             output = np.empty((rows.shape[0], self.n_output, stride))
             keep.append(rows)
-            for first, lanes in _blocks(stride, self._width(form, len(inputs), n_lane)):
+            for first, lanes in _blocks(stride, width):
                 places = [each.ctypes.data + 8 * first for each in (padded, carry, output)]
                 task = (rows.shape[0], stride, rows.ctypes.data, *places)
+                # The reference keeps the code loaded, even if another thread replaces the kernel.
                 tasks.append((self._kernel(form, lanes), task))
             finals.append(carry[:, :n_lane])
             outputs.append(output[:, :, :n_lane])

@@ -62,7 +62,7 @@ class Found:
     outside: float = 0.0
     """Probability that a term outside the catalogue causes what the effect explains [-]."""
     is_undecided: bool = False
-    """Whether the fit of the model without the effect stopped where it may still reach the one with
+    """True if the fit without the effect did not converge and may still reach the cost of that with
     it."""
 
     @property

@@ -129,7 +129,7 @@ class Trials:
         return known
 
     def is_undecided(self, current: EvaluatedModel, simpler: EvaluatedModel) -> bool:
-        """Whether the fit of the model without an effect stopped where it may still reach it."""
+        """True if the simpler model did not converge and may still reach the cost of `current`."""
         return _is_undecided(simpler.fit, current)
 
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
@@ -321,7 +321,7 @@ class Trials:
 
 
 def _is_undecided(fit: Fit, current: EvaluatedModel) -> bool:
-    """Whether a fit that can be simulated stopped where it may still reach the current model."""
+    """True if a finite fit did not converge and may still reach the cost of `current`."""
     level = TerminationLimits(abandon_cost=current.fit.cost)
     return bool(np.isfinite(fit.cost)) and not (fit.converged or fit.is_behind(level))
 

@@ -13,7 +13,7 @@ SIZES = ["watch 1 W", "coreless 10 W", "servo 100 W", "samarium 400 W", "pump 2 
 
 
 def suspects_speed(runs: list[Run]) -> bool:
-    """Whether the unit of the speed is suspected."""
+    """True if the unit of the speed is suspicious."""
     found = [f.column for f in check_runs(runs).findings if f.code == "suspicious_unit"]
     return "speed_rad_s" in found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -239,7 +239,19 @@ def test_an_operation_without_translation_is_named() -> None:
         lower(ca.Function("step", [x, u, p], [ca.asin(x), x]), None, LANES)
 
 
-@pytest.mark.parametrize("lanes", [1, 9, 16, 24, 40])
+def noted(widths: list[int]) -> Callable[[int, int], Iterator[tuple[int, int]]]:
+    """The division into blocks, which notes the widths."""
+    divide = scan._blocks
+
+    def blocks(lanes: int, width: int) -> Iterator[tuple[int, int]]:
+        for first, own in divide(lanes, width):
+            widths.append(own)
+            yield first, own
+
+    return blocks
+
+
+@pytest.mark.parametrize("lanes", [9, 16, 40])
 def test_a_lane_has_the_same_result_in_wide_and_narrow_blocks(
     lanes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,11 +264,15 @@ def test_a_lane_has_the_same_result_in_wide_and_narrow_blocks(
     starts = [rng.normal(size=(1, lanes)) for _ in rows]
     parameters = rng.normal(size=(1, lanes))
 
+    monkeypatch.setattr(scan, "threads", lambda: 1)
+    widths: list[int] = []
+    monkeypatch.setattr(scan, "_blocks", noted(widths))
     results = []
     for width in (LANES, 2 * LANES):
         monkeypatch.setattr(scan, "_WIDE", width)
         results.append(Scan(step)(rows, parameters, starts))
 
+    assert max(widths) == 2 * LANES
     (narrow_ends, narrow), (wide_ends, wide) = results
     np.testing.assert_array_equal(wide_ends, narrow_ends)
     np.testing.assert_array_equal(wide, narrow)
