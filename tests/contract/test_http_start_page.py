@@ -130,6 +130,26 @@ def test_options_of_a_fit_outlive_added_runs_and_an_ended_fit(
     assert focused(page) == "Fits"
 
 
+def test_press_of_a_button_counts_though_the_typed_motor_replaces_it(
+    page: Page, tmp_path: Path
+) -> None:
+    """A person holds the mouse down for longer than the service needs to store the motor."""
+    drop(page, tmp_path, 50)
+    page.locator("#motor").press_sequentially("motor 50")
+    button = page.locator("#pending-confirm")
+    button.evaluate("button => window.pressed = button")
+    with page.expect_response(re.compile("/pending/labels")):
+        button.hover()
+        page.mouse.down()
+    wait_until_settled(page)
+    is_replaced = page.evaluate("!window.pressed.isConnected")
+    page.mouse.up()
+
+    page.locator("#runs tr").wait_for()
+    assert is_replaced
+    assert page.get_by_label("Motor of run50.csv").input_value() == "motor 50"
+
+
 def test_what_another_tab_removed_leaves_the_lists(page: Page, tmp_path: Path) -> None:
     """The page says that it was removed, shows what is there, and keeps the typed options."""
     drop(page, tmp_path, 30, 31)

@@ -1,4 +1,5 @@
-// All pages: times in the reader's time zone, lost connections, and problems that end with the next success.
+// All pages: times in the reader's time zone, lost connections, clicks on buttons that are replaced while
+// they are pressed, and problems that end with the next success.
 
 import { showProblem, UNREACHABLE } from "/static/calls.js";
 
@@ -37,6 +38,19 @@ document.addEventListener("htmx:sendError", () => showProblem(UNREACHABLE));
 
 // Who signs in next in this tab does not get what was typed.
 document.querySelector("form.who")?.addEventListener("submit", () => sessionStorage.clear());
+
+// A press of the mouse takes longer than an answer of the service.  The answer to a value that was typed just
+// before may replace the pressed button, and the browser then sends its click to no button.
+let pressed = null;
+document.addEventListener("pointerdown", (event) => {
+  const button = event.pointerType === "mouse" && event.button === 0 && event.target.closest("button[id]");
+  pressed = button ? { button, x: event.clientX, y: event.clientY } : null;
+}, true);
+document.addEventListener("pointerup", ({ clientX, clientY }) => {
+  const isStill = pressed && Math.hypot(clientX - pressed.x, clientY - pressed.y) < 8;
+  if (isStill && !pressed.button.isConnected) document.getElementById(pressed.button.id)?.click();
+  pressed = null;
+});
 
 showLocalTimes(document);
 document.addEventListener("htmx:load", (event) => showLocalTimes(event.detail.elt.parentElement ?? document));
