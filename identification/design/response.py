@@ -111,7 +111,7 @@ class Predictor:
         if motor.terms:
             values = _completed(motor, model.estimate, load, record.time)
             fine = simulator.accurate(values, states, conditions.noise)
-            counts = 1 if fine.substeps is None else int(fine.substeps[0].max())
+            counts = 1 if fine.substeps is None else round(1.0 / fine.substeps[0].shares.min())
         substeps = evenly([reference.size], min(counts, _MOST_SUBSTEPS))
         simulator = replace(simulator, substeps=None if counts == 1 else substeps)
         return Predictor(model, conditions, simulator)

@@ -18,11 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.arrays import Array
 from identification.fit.own_states import state_precision
@@ -34,6 +32,7 @@ from identification.model.excitation import Record, sample_interval
 from identification.model.parameter import Parameter
 from identification.model.scan import LANES, scan_of
 from identification.model.step import advance
+from identification.model.substeps import Substeps
 from identification.model.tangent import tangent_blocks
 from identification.model.term import (
     AbstractDelay,
@@ -224,13 +223,13 @@ def _linearised(fit: Fit) -> tuple[tuple[float | None, ...], list[Array]]:
             if simulator.substeps is None:
                 rows[part] = out[:, :, 0]
             else:
-                rows[part] = _composed(out[:, :, 0], n, simulator.substeps[k][part])
+                rows[part] = _composed(out[:, :, 0], n, simulator.substeps[k].of(part))
     return fixed, found
 
 
-def _composed(parts: Array, n: int, counts: NDArray[np.integer[Any]]) -> Array:
+def _composed(parts: Array, n: int, substeps: Substeps) -> Array:
     """Entries over whole sample intervals from those of their substeps; all entries vary."""
-    begins = np.cumsum(counts) - counts
+    begins, counts = substeps.first_rows, substeps.counts
     whole = parts[begins].copy()
     matrices = parts.reshape(-1, n + 4, n).transpose(0, 2, 1)
     total = whole.reshape(-1, n + 4, n).transpose(0, 2, 1)

@@ -23,7 +23,7 @@ from identification.export.model import Exported
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.history import initial_history
 from identification.model.scan import scan_of
-from identification.model.substeps import divided
+from identification.model.substeps import Substeps, divided
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["TEMPLATES", "c_code"]
@@ -94,8 +94,8 @@ def _substep_errors(
     scan = scan_of(step, effort="once")
 
     def simulated(count: int) -> Array:
-        counts = np.full(rows.shape[0], count, dtype=np.int64)
-        parts = scan([divided(rows, counts, model.held)], values[:, None], [carry])
+        substeps = Substeps.even(np.full(rows.shape[0], count, dtype=np.int64))
+        parts = scan([divided(rows, substeps, model.held)], values[:, None], [carry])
         return np.asarray(parts[1][0][::count, :, 0])
 
     reference = simulated(_REFERENCE)

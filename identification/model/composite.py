@@ -61,7 +61,9 @@ INPUTS: Final = (
 """Inputs of one sample interval, in the column order of `Record.inputs`.
 
 `turn` is the change of the angle over the integration step.  A sample interval may be integrated
-in several equal substeps (`substeps.py`): `substep` is the index from zero, `substeps` the number.
+in several substeps (`substeps.py`): `substeps` is the number of substeps of this length that fill
+the interval, `substep` the number of them before this one.  Both are whole numbers, since unequal
+substeps come from halving equal ones.
 """
 
 

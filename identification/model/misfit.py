@@ -20,7 +20,7 @@ from identification.model.loop import STRIDE
 from identification.model.scan import Scan, scan_of
 from identification.model.step import step_function, transition_functions
 from identification.model.step_plan import StepPlan
-from identification.model.substeps import Counts, first_rows
+from identification.model.substeps import Substeps
 
 __all__ = ["MisfitLoop", "is_slow", "misfit_loop"]
 
@@ -43,20 +43,19 @@ class MisfitLoop:
     """Whether each row holds a weight for each channel."""
 
     def rows(
-        self, inputs: Array, measured: Array, weights: Array, counts: Counts | None = None
+        self, inputs: Array, measured: Array, weights: Array, substeps: Substeps | None = None
     ) -> Array:
         """Input rows of the loop, (n_row, n_column).
 
-        The inputs are (n_row, n_input), measured channels and weights (n_sample, 2), `counts` the
-        rows of each sample interval (n_sample,); the weights are ignored if the loop is not
-        weighted.
+        The inputs are (n_row, n_input), measured channels and weights (n_sample, 2); the
+        weights are ignored if the loop is not weighted.
         """
         compared = np.column_stack([measured, weights]) if self.weighted else measured
-        if counts is None:
+        if substeps is None:
             return np.column_stack([inputs[:, self.columns], compared])
         is_sample = np.zeros(inputs.shape[0])
-        is_sample[first_rows(counts)] = 1.0
-        repeated = np.repeat(compared, counts, axis=0)
+        is_sample[substeps.first_rows] = 1.0
+        repeated = np.repeat(compared, substeps.counts, axis=0)
         return np.column_stack([inputs[:, self.columns], repeated, is_sample])
 
 

@@ -33,10 +33,9 @@ from identification.model.step import advance, step_function
 from identification.model.step_plan import StepPlan, plan_for, stiffness
 from identification.model.substeps import (
     MOST_SUBSTEPS,
-    Counts,
+    Substeps,
     divided,
     evenly,
-    first_rows,
     refined,
 )
 from identification.model.weighting import Weighting
@@ -83,8 +82,8 @@ class Simulator:
     model: MotorModel
     records: tuple[Record, ...]
     plan: StepPlan
-    substeps: tuple[Counts, ...] | None = None
-    """For each record (n_sample,) substeps of each sample interval; None for one each."""
+    substeps: tuple[Substeps, ...] | None = None
+    """Substeps of the sample intervals of each record; None for one each."""
 
     @cached_property
     def inputs(self) -> list[Array]:
@@ -93,12 +92,12 @@ class Simulator:
         if self.substeps is None:
             return shifted
         pairs = zip(shifted, self.substeps, strict=True)
-        return [divided(inputs, counts, self.model.held) for inputs, counts in pairs]
+        return [divided(inputs, substeps, self.model.held) for inputs, substeps in pairs]
 
     @cached_property
     def first_rows(self) -> list[NDArray[np.intp]] | None:
         """Row index of each sample, for each record; None if every row is a sample."""
-        return None if self.substeps is None else [first_rows(c) for c in self.substeps]
+        return None if self.substeps is None else [each.first_rows for each in self.substeps]
 
     def stretch(self, k: int, samples: slice) -> tuple[Array, NDArray[np.intp] | None]:
         """Inputs of a range of samples of record `k`; see `blocks.stretch`."""
@@ -131,12 +130,12 @@ class Simulator:
         model: MotorModel,
         records: Sequence[Record],
         values: Array,
-        substeps: tuple[Counts, ...] | None = None,
+        substeps: tuple[Substeps, ...] | None = None,
     ) -> Simulator:
         """Simulator with a step plan for `values`, (n_parameter,) or (n_parameter, n_lane).
 
         The plan covers the stiffest lane.  The edge samples that the model cannot predict lose
-        their weight.  The substeps of a record are (n_sample,), one for each interval.
+        their weight.
         """
         states = [initial_states(model, record) for record in records]
         lanes = values.reshape(values.shape[0], -1).T
@@ -228,18 +227,18 @@ class Simulator:
 
         The values are (n_parameter,) physical, the state of each record is (n_state,) at its first
         sample, the tolerance is the allowed error of current and speed per sample interval (2,) [A,
-        rad/s].  Errors are measured `rounds` times at most; an interval has at most `most`
-        substeps.
+        rad/s].  Errors are measured `rounds` times at most; no substep is shorter than its interval
+        over `most`.
         """
         substeps = self.substeps or evenly([record.rows for record in self.records], 1)
         inputs = [self._shifted(record.inputs) for record in self.records]
         start = values[:, None], [_lanes(state, 1) for state in states]
         for _ in range(rounds):
             more = refined((self.model, self.plan), inputs, substeps, start, tolerance, most)
-            if all(np.array_equal(a, b) for a, b in zip(more, substeps, strict=True)):
+            if all(a.rows == b.rows for a, b in zip(more, substeps, strict=True)):
                 break
             substeps = more
-        if all((counts == 1).all() for counts in substeps):
+        if all(each.rows == each.counts.size for each in substeps):
             return replace(self, substeps=None)
         return replace(self, substeps=substeps)
 
@@ -248,7 +247,7 @@ class Simulator:
         """Number of integration steps of one simulation of all records."""
         if self.substeps is None:
             return sum(record.rows for record in self.records)
-        return sum(int(counts.sum()) for counts in self.substeps)
+        return sum(each.rows for each in self.substeps)
 
     @property
     def n_state(self) -> int:
@@ -315,9 +314,9 @@ class Simulator:
             interpolated=is_plain and all(is_slow(record) for record in self.records),
             divided=self.substeps is not None,
         )
-        counts: Sequence[Counts | None] = self.substeps or [None] * len(self.records)
-        given = zip(self.inputs, self.records, weights, counts, strict=True)
-        return loop, [loop.rows(rows, one.measured, w, count) for rows, one, w, count in given]
+        substeps: Sequence[Substeps | None] = self.substeps or [None] * len(self.records)
+        given = zip(self.inputs, self.records, weights, substeps, strict=True)
+        return loop, [loop.rows(rows, one.measured, w, each) for rows, one, w, each in given]
 
     @cached_property
     def _kept(self) -> dict[str, tuple[tuple[object, ...], tuple[MisfitLoop, list[Array]]]]:

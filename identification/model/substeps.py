@@ -1,13 +1,13 @@
-"""Local substepping: integration of selected sample intervals in several equal substeps.
+"""Local substepping: integration of selected sample intervals in several substeps.
 
 One third-order step per sample interval has an error far below the noise almost everywhere.  The
 exceptions are few: intervals in which friction changes sign, the current passes the knee of the
-brush drop, or a torque is periodic in a fast angle.  Only those intervals are divided, so a motor
-with sharp friction costs little more than a smooth one.
+brush drop, or a torque is periodic in a fast angle.  Only those intervals are divided, and only
+around the passage, so a motor with sharp friction costs little more than a smooth one.
 
 The error of a substep is estimated by step doubling: it is the change of current and speed when the
-substep is halved.  The counts stay fixed during a fit, which keeps its cost a smooth function of
-the parameters.
+substep is halved.  Substeps with too large an error are halved, once or several times, and measured
+again.  They stay fixed during a fit, which keeps its cost a smooth function of the parameters.
 
 Source: Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 2nd edition, Springer
 (1993), section II.4 (step doubling).
@@ -16,7 +16,8 @@ Source: Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 2
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any, Final
 
 import casadi as ca
@@ -33,56 +34,101 @@ from identification.model.term import Expression
 
 __all__ = [
     "MOST_SUBSTEPS",
-    "Counts",
+    "Substeps",
     "divided",
+    "doublings",
     "error_scan",
     "evenly",
-    "first_rows",
     "refined",
-    "refined_counts",
 ]
 
-Counts = NDArray[np.int64]
-
 MOST_SUBSTEPS: Final = 64
+"""Sample interval over the shortest substep, at most."""
+_UNRESOLVED: Final = 1e6
+"""Error over the tolerance of a substep whose simulation diverges."""
 
 
-def evenly(rows: Sequence[int], substeps: int) -> tuple[Counts, ...]:
-    """Equal substep counts for all sample intervals of records with so many samples."""
-    return tuple(np.full(n, substeps, dtype=np.int64) for n in rows)
+@dataclass(frozen=True, eq=False)
+class Substeps:
+    """Substeps of the sample intervals of a record."""
+
+    counts: NDArray[np.int64]
+    """(n_sample,) substeps of each interval."""
+    shares: Array
+    """(n_row,) length of each substep over that of its interval [-]."""
+
+    @staticmethod
+    def even(counts: NDArray[np.int64]) -> Substeps:
+        """Equal substeps in each interval; the counts are (n_sample,)."""
+        return Substeps(counts, np.repeat(1.0 / counts, counts))
+
+    @property
+    def rows(self) -> int:
+        """Number of substeps."""
+        return self.shares.size
+
+    @cached_property
+    def first_rows(self) -> NDArray[np.intp]:
+        """(n_sample,) row of the divided inputs at which each interval begins."""
+        return np.concatenate([[0], np.cumsum(self.counts)[:-1]])
+
+    @property
+    def begins(self) -> Array:
+        """(n_row,) time between the starts of the interval and of the substep, as a share [-]."""
+        before = np.cumsum(self.shares) - self.shares
+        within = before - np.repeat(before[self.first_rows], self.counts)
+        return np.asarray(np.maximum(within, 0.0))
+
+    def of(self, samples: slice) -> Substeps:
+        """Substeps of a range of sample intervals."""
+        counts = self.counts[samples]
+        start = int(self.counts[: samples.start or 0].sum())
+        return Substeps(counts, self.shares[start : start + int(counts.sum())])
+
+    def at_most(self, number: int) -> Substeps:
+        """Intervals with more substeps than `number` get as many equal ones."""
+        many = self.counts > number
+        kept = self.shares[~np.repeat(many, self.counts)]
+        counts = np.where(many, number, self.counts)
+        shares = np.full(int(counts.sum()), 1.0 / number)
+        shares[~np.repeat(many, counts)] = kept
+        return Substeps(counts, shares)
+
+    def halved(self, times: NDArray[np.int64]) -> Substeps:
+        """Substeps halved so many times each, (n_row,)."""
+        parts = 2**times
+        counts = np.add.reduceat(parts, self.first_rows)
+        return Substeps(counts, np.repeat(self.shares / parts, parts))
 
 
-def first_rows(counts: Counts) -> NDArray[np.intp]:
-    """Row of the divided inputs at which each sample interval begins, (n_sample,)."""
-    return np.concatenate([[0], np.cumsum(counts)[:-1]])
+def evenly(rows: Sequence[int], substeps: int) -> tuple[Substeps, ...]:
+    """Equal substeps, as many in each interval, for records with so many samples."""
+    return tuple(Substeps.even(np.full(n, substeps, dtype=np.int64)) for n in rows)
 
 
-def divided(inputs: Array, counts: Counts, hold: Hold) -> Array:
-    """Inputs (n_row, n_input) with one row per substep.
-
-    The inputs are (n_sample, n_input), the counts (n_sample,).
-    """
-    rows = np.repeat(inputs, counts, axis=0)
-    number = np.repeat(counts, counts).astype(np.float64)
-    index = np.arange(rows.shape[0]) - np.repeat(first_rows(counts), counts)
-    part = _part(rows.T, hold, index, number) | {"substep": index, "substeps": number}
+def divided(inputs: Array, substeps: Substeps, hold: Hold) -> Array:
+    """Inputs (n_row, n_input) with one row per substep, from those of the samples."""
+    rows = np.repeat(inputs, substeps.counts, axis=0)
+    begins, shares = substeps.begins, substeps.shares
+    counted = {"substep": begins / shares, "substeps": 1.0 / shares}
+    part = _part(rows.T, hold, begins, shares) | counted
     return np.column_stack([part[name] for name in INPUTS])
 
 
 def _part(
-    inputs: Iterable[Any], hold: Hold, index: Any, number: Any
+    inputs: Iterable[Any], hold: Hold, begin: Any, share: Any
 ) -> dict[str, Array | Expression]:
-    """Inputs of the substep with an index from zero, of so many; arrays or expressions."""
+    """Inputs of a part of an interval, as fractions of it; arrays or expressions."""
     row = dict(zip(INPUTS, inputs, strict=True))
     moving = ("voltage", "temperature", "angle") if hold == "foh" else ("temperature", "angle")
     for name in moving:
         start = row[name]
         change = row[f"{name}_next"] - start
-        row[name] = start + change * index / number
-        row[f"{name}_next"] = start + change * (index + 1) / number
+        row[name] = start + change * begin
+        row[f"{name}_next"] = start + change * (begin + share)
     whole = row["interval"]
-    row["time"] = row["time"] + whole * index / number
-    row["interval"], row["turn"] = whole / number, row["turn"] / number
+    row["time"] = row["time"] + whole * begin
+    row["interval"], row["turn"] = whole * share, row["turn"] * share
     return row
 
 
@@ -91,7 +137,7 @@ def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
     """Loop that advances in half steps and outputs their difference from the whole step, (2,)."""
     x, u, p = model.symbols()
     step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
-    parts = [_part(ca.vertsplit(u), model.held, half, 2) for half in range(2)]
+    parts = [_part(ca.vertsplit(u), model.held, begin, 0.5) for begin in (0.0, 0.5)]
     first, second = (ca.vertcat(*[part[name] for name in INPUTS]) for part in parts)
     end = step(step(x, first, p), second, p)
     return scan_of(
@@ -102,45 +148,53 @@ def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
 def refined(
     loop: tuple[MotorModel, StepPlan],
     inputs: Sequence[Array],
-    substeps: Sequence[Counts],
+    substeps: Sequence[Substeps],
     start: tuple[Array, Sequence[Array]],
     tolerance: Array,
     most: int = MOST_SUBSTEPS,
-) -> tuple[Counts, ...]:
+) -> tuple[Substeps, ...]:
     """Substeps of all records after one measurement of the integration errors, block by block.
 
-    For each record the inputs are (n_sample, n_input), the counts at which the errors are measured
-    (n_sample,).  The start has physical values (n_parameter, 1), and an initial state (n_state, 1)
-    of each record.  The tolerance is the allowed error of current and speed per sample interval
-    (2,) [A, rad/s], `most` the largest count.
+    For each record the inputs are (n_sample, n_input), with the substeps at which the errors are
+    measured.  The start has physical values (n_parameter, 1), and an initial state (n_state, 1) of
+    each record.  The tolerance is the allowed error of current and speed per sample interval (2,)
+    [A, rad/s]; no substep becomes shorter than its interval over `most`.
     """
     scan, values, carries = error_scan(*loop), start[0], list(start[1])
-    found = tuple(counts.copy() for counts in substeps)
-    rows = sum(int(counts.sum()) for counts in substeps)
-    for going, parts in blocks([counts.size for counts in substeps], rows):
-        counts = [substeps[k][part] for k, part in zip(going, parts, strict=True)]
+    found: list[list[NDArray[np.int64]]] = [[] for _ in substeps]
+    rows = sum(each.rows for each in substeps)
+    for going, parts in blocks([each.counts.size for each in substeps], rows):
+        pieces = [substeps[k].of(part) for k, part in zip(going, parts, strict=True)]
         fine = [
-            divided(inputs[k][part], each, loop[0].held)
-            for k, part, each in zip(going, parts, counts, strict=True)
+            divided(inputs[k][part], piece, loop[0].held)
+            for k, part, piece in zip(going, parts, pieces, strict=True)
         ]
         ends, errors = scan(fine, values, [carries[k] for k in going])
-        for k, part, each, end, error in zip(going, parts, counts, ends, errors, strict=True):
+        for k, piece, end, error in zip(going, pieces, ends, errors, strict=True):
             carries[k] = end
-            found[k][part] = refined_counts(each, error[:, :, 0], tolerance, most)
-    return found
+            found[k].append(doublings(piece, error[:, :, 0], tolerance, most))
+    return tuple(
+        each.halved(np.concatenate(times)) for each, times in zip(substeps, found, strict=True)
+    )
 
 
-def refined_counts(
-    counts: Counts, errors: Array, tolerance: Array, most: int = MOST_SUBSTEPS
-) -> Counts:
-    """Substep counts (n_sample,) multiplied by 1, 2, 4 or 8, at most `most`, for a tolerance.
+def doublings(
+    substeps: Substeps, errors: Array, tolerance: Array, most: int = MOST_SUBSTEPS
+) -> NDArray[np.int64]:
+    """How many times each substep has to be halved, (n_row,), up to three.
 
-    The errors (n_row, n_channel) of each substep were measured at `counts`; the tolerance
-    (n_channel,) is that of one sample interval.
+    The errors (n_row, n_channel) of each substep share the tolerance of their sample interval.  A
+    substep may have an equal part of it for each substep over which the error is spread: if all
+    errors are equal, for each one; if one substep has the whole error, that one alone.
     """
-    summed = np.add.reduceat(np.abs(errors), first_rows(counts), axis=0)
-    excess = np.max(np.where(np.isfinite(summed), summed / tolerance, np.inf), axis=1)
-    # With n substeps the error falls as 1/n at a kink and as 1/n^3 elsewhere.  The exponent 2 is
-    # a compromise; the next error measurement corrects it.
-    doublings = np.ceil(0.5 * np.log2(np.clip(excess, 1.0, 64.0))).astype(np.int64)
-    return np.asarray(np.minimum(counts * 2**doublings, most))
+    ratio = np.max(np.abs(errors) / tolerance, axis=1)
+    ratio = np.where(np.isfinite(ratio), np.minimum(ratio, _UNRESOLVED), _UNRESOLVED)
+    total, squares = (np.add.reduceat(each, substeps.first_rows) for each in (ratio, ratio**2))
+    # The participation ratio is the number of substeps with most of the error.
+    spread = np.where(total > 1.0, total**2 / np.maximum(squares, 1e-300), 0.0)
+    excess = ratio * np.repeat(spread, substeps.counts)
+    # An error falls as 1/n at a kink and as 1/n^3 elsewhere.  The exponent 2 is a compromise; the
+    # next error measurement corrects it.
+    wanted = np.ceil(0.5 * np.log2(np.clip(excess, 1.0, 64.0)))
+    allowed = np.floor(np.log2(np.maximum(substeps.shares * most, 1.0)) + 1e-9)
+    return np.asarray(np.minimum(wanted, allowed), dtype=np.int64)

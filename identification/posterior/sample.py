@@ -98,7 +98,7 @@ def sample(
     """
     covariance = posterior.covariance()
     n_dim = covariance.shape[0]
-    walkers = max(32, 8 * -(-(2 * n_dim + 2) // 8))
+    walkers = max(32, 8 * -(-2 * n_dim // 8))
     start = posterior.normal_points(seed, walkers)
     density = posterior(start)
     key = _chain_key(posterior, covariance, seed, walkers)

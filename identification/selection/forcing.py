@@ -25,7 +25,7 @@ from identification.model.composite import MotorModel
 from identification.model.scan import Scan, scan_of
 from identification.model.step import advance
 from identification.model.step_plan import StepPlan
-from identification.model.substeps import Counts, first_rows
+from identification.model.substeps import Substeps
 from identification.model.term import (
     AbstractTorque,
     AbstractVoltage,
@@ -71,16 +71,16 @@ def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iter
     for k, state in enumerate(fit.states):
         start = np.append(state, [0.0, 0.0])[:, None]
         output = single(scan, simulator.inputs[k], fit.values[:, None], start)
-        counts = None if simulator.substeps is None else simulator.substeps[k]
-        yield _response(output, n, forces(k), counts, stride)
+        substeps = None if simulator.substeps is None else simulator.substeps[k]
+        yield _response(output, n, forces(k), substeps, stride)
 
 
-def _response(output: Array, n: int, force: Array, counts: Counts | None, stride: int) -> Array:
+def _response(output: Array, n: int, force: Array, substeps: Substeps | None, stride: int) -> Array:
     """Response in one record from its transition matrices, at every `stride`-th sample."""
     charge(_PASSES * TOUCH * (output.size + force.size))
     transitions = output[:, : n * (n + 2)].reshape(-1, n + 2, n).transpose(0, 2, 1)
     logged = output[:, n * (n + 2) :].reshape(-1, n, 2).transpose(0, 2, 1)
-    first = np.arange(force.shape[0]) if counts is None else first_rows(counts)
+    first = np.arange(force.shape[0]) if substeps is None else substeps.first_rows
     kept = np.arange(0, force.shape[0], stride)
     # Rows between two kept samples are composed to one transition, for all such spans at once.
     starts = first[kept]

@@ -66,9 +66,9 @@ def _coarse(fit: Fit, substeps: int) -> Fit:
     A stiff model can diverge with few substeps, and then has no finite score.  Their number is
     doubled until the integration error of each channel is smaller than the residual.
     """
-    counts = fit.simulator.substeps
-    while counts is not None and substeps < max(int(each.max()) for each in counts):
-        few = tuple(np.minimum(each, substeps) for each in counts)
+    whole = fit.simulator.substeps
+    while whole is not None and substeps < max(int(each.counts.max()) for each in whole):
+        few = tuple(each.at_most(substeps) for each in whole)
         coarse = replace(fit, simulator=replace(fit.simulator, substeps=few))
         if _is_within_residual(coarse):
             return coarse

@@ -73,7 +73,7 @@ def test_substeps_are_refined_with_little_memory() -> None:
     )
 
     assert found[0].substeps is not None
-    assert max(counts.max() for counts in found[0].substeps) == 64
+    assert max(each.counts.max() for each in found[0].substeps) == 64
     assert peak < 60e6
 
 

@@ -21,6 +21,7 @@ from identification.selection.refit import refitted_with
 from identification.selection.screen import screened
 from identification.surrogates.entry import term_of
 from tests.effects.hidden import records_of_bench
+from tests.model.unequal import unequal
 from tests.motors import driven, motor_named
 
 SERVO = motor_named("servo 100 W")
@@ -64,9 +65,7 @@ def test_mean_is_the_integral_of_the_speed_over_the_interval() -> None:
 
 def test_mean_does_not_depend_on_the_substeps() -> None:
     """Substeps are not samples: the motor logs the same means."""
-    counts = np.random.default_rng(3).integers(1, 4, ROWS)
-
-    found = speed(replace(MEAN, substeps=(counts,)))
+    found = speed(replace(MEAN, substeps=(unequal(ROWS, 3),)))
 
     np.testing.assert_allclose(found, speed(MEAN), atol=1e-8)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from bench import make_campaign
@@ -36,11 +37,16 @@ def fit() -> Fit:
 
 
 def test_their_chain_is_short(fit: Fit) -> None:
-    """A parameterisation by 1 / openness had an autocorrelation time of 25 steps."""
-    convergence = sample(Posterior(fit, 1.0), seed=0, most_steps=600).convergence
+    """A parameterisation by 1 / openness had an autocorrelation time of 25 steps.
 
-    assert convergence.reached
-    assert convergence.autocorrelation_time < 10.0
+    A chain in which one walker stays in the tail for long has twice the time of the others.
+    """
+    posterior = Posterior(fit, 1.0)
+
+    found = [sample(posterior, seed, most_steps=600).convergence for seed in range(3)]
+
+    assert sum(convergence.reached for convergence in found) >= 2
+    assert np.median([convergence.autocorrelation_time for convergence in found]) < 8.0
 
 
 def test_a_shape_is_identified_if_the_runs_narrow_its_bounds(fit: Fit) -> None:
