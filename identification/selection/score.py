@@ -57,6 +57,19 @@ class Score:
         """Starting points of a refit, the largest predicted gain first."""
         return (Start(self.start, self.own, self.along), *self.others)
 
+    def unknowns(self, records: int) -> int:
+        """Unknowns that the term adds, those of a record once for each record.
+
+        A ripple is scored by its fundamental wave; it is accepted with its frequency, its drift and
+        its harmonics.  Of a law with a grid of starting points, only the scored amplitudes count,
+        since its score is no prediction.
+        """
+        candidate = self.candidate
+        if candidate.tried is not None:
+            return candidate.joint * (records if candidate.by_record else 1)
+        lasting = sum(not state.fades for state in candidate.final.states)
+        return len(candidate.final.parameters) + lasting * records
+
 
 def gathered(scores: Sequence[Score]) -> list[Score]:
     """One score per structure, best first, with the other starting points attached to it."""

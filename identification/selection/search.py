@@ -207,14 +207,12 @@ def _curves_worth_a_refit(state: State) -> list[Score]:
     A curve has no shape parameters, so its gain is underestimated less than that of an effect.
     """
     trials, current = state.trials, state.current
-    records, found = len(current.fit.states), []
-    for score in trials.curves(current):
-        # Per-record amplitudes count once for each record.
-        amplitudes = score.candidate.joint * (records if score.candidate.by_record else 1)
-        factor = trials.policy.curve_underestimate
-        if score.gain > trials.worth_a_refit(current, factor, amplitudes):
-            found.append(score)
-    return found
+    factor, records = trials.policy.curve_underestimate, len(current.fit.states)
+    return [
+        score
+        for score in trials.curves(current)
+        if score.gain > trials.worth_a_refit(current, factor, score.unknowns(records))
+    ]
 
 
 def _largest_gain(scores: list[Score]) -> float:

@@ -19,7 +19,7 @@ from identification.fit.order_tracking import retracked
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
-from identification.selection.criteria import AcceptanceCriteria
+from identification.selection.criteria import AcceptanceCriteria, by_chance
 from identification.selection.evidence import EvaluatedModel, evaluated
 from identification.selection.omitted import OmittedTerm, omitted_terms
 from identification.selection.policy import DEFAULT, SelectionPolicy
@@ -304,7 +304,7 @@ class Trials:
         return fit
 
     def worth_a_refit(
-        self, current: EvaluatedModel, understated: float | None = None, amplitudes: int = 1
+        self, current: EvaluatedModel, understated: float | None = None, unknowns: int = 1
     ) -> float:
         """Predicted gain below which an effect would fail even if its gain were underestimated.
 
@@ -313,8 +313,8 @@ class Trials:
         predicted gain (that of effects if None), the significance limit by two.
         """
         counts = current.fit.weighting.counts
-        each = 0.5 * np.log(max(counts.sum() * current.fraction, 2.0))
-        chance = np.log(max(self.tried, 1)) + amplitudes * each
+        samples = max(float(counts.sum()) * current.fraction, 2.0)
+        chance = by_chance(unknowns, samples, max(self.tried, 1))
         size = self.policy.least_fall * float(counts.max()) * current.fraction
         understated = understated or self.policy.underestimate
         return float(max(chance / 2, size / understated)) / current.fraction

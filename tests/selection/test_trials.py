@@ -54,6 +54,41 @@ def test_model_of_a_round_costs_little_and_the_final_one_is_the_same() -> None:
     assert final.cost == pytest.approx(free.fit.cost, rel=1e-3)
 
 
+def ripple_of_current(seed: int, amplitude: float, rows: int) -> tuple[float, float]:
+    """Gain that a ripple predicts, and that which justifies its refit.
+
+    The current has white noise and a sine of 20 Hz, relative to the noise.
+    """
+    measured = make_campaign("servo_150w", [], seed=seed, rows=rows, training=1, validation=0)
+    campaign = records_of_bench(measured)
+    (record,) = campaign.training
+    noise = np.std(np.diff(record.measured[:, 0], 3)) / np.sqrt(20.0)
+    wave = amplitude * noise * np.sin(2.0 * np.pi * 20.0 * record.time)
+    record = replace(record, measured=record.measured + np.column_stack([wave, 0.0 * wave]))
+    trials = Trials(replace(campaign, training=(record,)))
+    declared = trials.evaluate(fit_declared((record,), "zoh"))
+    best = max(
+        (s for s in trials.curves(declared) if s.structure[1].startswith("periodic in time")),
+        key=lambda score: score.gain,
+    )
+    factor = trials.policy.curve_underestimate
+    return best.gain, trials.worth_a_refit(declared, factor, best.unknowns(1))
+
+
+def test_a_ripple_that_white_noise_has_by_chance_justifies_no_refit() -> None:
+    """The largest of hundreds of frequencies gains the logarithm of their number, about 6."""
+    found = [ripple_of_current(seed, 0.0, 370) for seed in range(4)]
+
+    assert all(3.0 < gain < needed for gain, needed in found)
+
+
+def test_a_ripple_of_half_the_noise_justifies_a_refit() -> None:
+    """Its gain is about N / 4 times the square of the ratio to the noise."""
+    gain, needed = ripple_of_current(0, 0.5, 1500)
+
+    assert gain > max(needed, 1500 / 4 * 0.5**2)
+
+
 def test_a_kind_far_behind_the_best_is_refitted_only_by_itself() -> None:
     """Five times a tenth of the gain of the brush drop is less than 85 % of it."""
     measured = make_campaign(
