@@ -70,7 +70,10 @@ class Signals:
 
 
 def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
-    """Signals of the first samples of a run; intervals at saturated samples are excluded."""
+    """Signals of the first samples of a run, interpolated where a channel is held.
+
+    Intervals at saturated samples are excluded.
+    """
     joined = np.ones(run.time.size - 1, dtype=bool)
     for start, _ in run.segments[1:]:
         joined[start - 1] = False
@@ -80,8 +83,8 @@ def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
     return Signals(
         run.time[:samples],
         run.voltage[:samples],
-        run.current[:samples],
-        run.speed[:samples],
+        run.between_updates("current_A")[:samples],
+        run.between_updates("speed_rad_s")[:samples],
         joined[: samples - 1],
     )
 

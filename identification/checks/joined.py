@@ -114,8 +114,8 @@ def joints_of(run: Run) -> list[Joint]:
     beside = np.full(size.size, np.inf)
     beside[1:-1] = np.maximum(size[2:], size[:-2])
     is_alone = beside < np.maximum(_BESIDE * deviation, _SHARE * size)
-    is_jump = np.abs(np.diff(run.speed) - residual) < _MOST * size
-    over_two = run.speed[2:] - run.speed[:-2]
+    is_jump = np.abs(np.diff(signals.speed) - residual) < _MOST * size
+    over_two = signals.speed[2:] - signals.speed[:-2]
     is_jump[:-1] &= np.abs(over_two - residual[:-1]) < _MOST * size[:-1]
     is_jump[1:] &= np.abs(over_two - residual[1:]) < _MOST * size[1:]
     is_odd = signals.joined & (size > _DEVIATIONS * deviation)
@@ -125,8 +125,8 @@ def joints_of(run: Run) -> list[Joint]:
         return []
     resistance, constant, inductance, inertia = balance
     torque = inertia * size / np.diff(run.time) / float(np.max(np.abs(run.current)))
-    left = run.voltage - resistance * run.current - constant * run.speed
-    left -= inductance * np.gradient(run.current, run.time)
+    left = run.voltage - resistance * signals.current - constant * signals.speed
+    left -= inductance * np.gradient(signals.current, run.time)
     return [
         Joint(k + 1, float(torque[k]))
         for k in places

@@ -29,6 +29,7 @@ from identification.ingest.faults import Faults
 from identification.ingest.file import Limits, RunFile, naming, open_run_file, unpacked
 from identification.ingest.formats import FORMAT_READERS
 from identification.ingest.frame import Frame
+from identification.ingest.held import find_held
 from identification.ingest.mapping import MappingLike, RunMapping, read_mapping
 from identification.ingest.plausibility import check_values
 from identification.ingest.reader import (
@@ -171,6 +172,8 @@ def _run(
     warnings += check_values(values, time, locator)
     measured = {name: values[name] for name in ("voltage_V", "current_A", "speed_rad_s")}
     clipped, notes = find_clipped(measured, locator)
+    held, more = find_held(measured, locator)
+    notes += more
     run = Run(
         name=file.name,
         sha256=file.sha256(),
@@ -182,6 +185,7 @@ def _run(
         position=values.get("position_rad"),
         segments=segments,
         clipped=clipped,
+        held=held,
         sources=sources,
     )
     about_file = (*_header_warnings(table.columns, channels, run, locator), *samples.warnings)

@@ -151,6 +151,8 @@ class Run:
     n_sample),)``.  The motor state is continuous within a segment only."""
     clipped: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
     """Channel name to boolean (n_sample,), True where the sensor saturated."""
+    held: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    """Channel name to boolean (n_sample,), True where the value repeats that of the last update."""
     warnings: tuple[RunWarning, ...] = ()
     """Warnings issued while reading."""
     sources: Mapping[str, Source] = field(default_factory=dict)
@@ -182,6 +184,18 @@ class Run:
         }
         return {name: values for name, values in channels.items() if values is not None}
 
+    def omitted(self, name: str) -> NDArray[np.bool_]:
+        """(n_sample,), True where a channel is no measurement: saturated, or between updates."""
+        nowhere = np.zeros(self.rows, dtype=bool)
+        return self.clipped.get(name, nowhere) | self.held.get(name, nowhere)
+
+    def between_updates(self, name: str) -> Array:
+        """(n_sample,) channel of a canonical name, interpolated linearly where it is held."""
+        signal, held = self.channels[name], self.held.get(name)
+        if held is None:
+            return signal
+        return np.interp(self.time, self.time[~held], signal[~held])
+
     def used(self, name: str) -> Array:
         """(n_sample,) channel of a canonical name, NaN where its sensor saturated."""
         return np.where(self.clipped.get(name, False), np.nan, self.channels[name])
@@ -204,7 +218,7 @@ def write_run(run: Run, path: str | os.PathLike[str]) -> None:
     """Write a run in canonical columns and SI units; the values read back bit for bit.
 
     Args:
-        run: Run to write; segments, clipped samples and warnings are recomputed on reading.
+        run: Run to write; segments, omitted samples and warnings are recomputed on reading.
         path: File to write.
     """
     # The shortest decimal that reads back as the same float, whatever the ending of the path.

@@ -42,10 +42,10 @@ class Record:
     inputs: Array
     """(n_sample, n_input) in the order of `INPUTS`; the last interval has zero length."""
     measured: Array
-    """(n_sample, 2) logged current and speed [A, rad/s]."""
+    """(n_sample, 2) logged current and speed, interpolated where held [A, rad/s]."""
     weight: Array
-    """(n_sample, 2) sample weights: 0 where the sensor was clipped, else 1; `within` rescales
-    them."""
+    """(n_sample, 2) sample weights: 0 where a channel was clipped or held, else 1; `within`
+    rescales them."""
     angle_logged: bool = False
     """Whether the angle was logged; else it is the integral of the logged speed."""
     expected: float | None = None
@@ -219,7 +219,7 @@ def _record(
     span = slice(start, stop)
     time = run.time[span] - run.time[0]
     interval = np.append(np.diff(time), 0.0)
-    speed = run.speed[span]
+    current, speed = (run.between_updates(name)[span] for name in ("current_A", "speed_rad_s"))
     if run.position is not None:
         angle = run.position[span]
     else:
@@ -241,14 +241,12 @@ def _record(
         if run.temperature is None
         else np.gradient(temperature[span], time),
     }
-    clipped = [run.clipped.get(name) for name in ("current_A", "speed_rad_s")]
-    weight = np.column_stack(
-        [np.ones(time.size) if mask is None else 1.0 - mask[span] for mask in clipped]
-    )
+    omitted = [run.omitted(name)[span] for name in ("current_A", "speed_rad_s")]
+    weight = np.where(np.column_stack(omitted), 0.0, 1.0)
     return Record(
         run=number, name=run.name, start=start, time=time,
         inputs=np.column_stack([columns[name] for name in INPUTS]),
-        measured=np.column_stack([run.current[span], speed]), weight=weight,
+        measured=np.column_stack([current, speed]), weight=weight,
         angle_logged=run.position is not None, duration=float(time[-1] - time[0]),
     )  # fmt: skip
 

@@ -21,6 +21,7 @@ from identification.arrays import Array
 from identification.fit.derivatives import gradient_of
 from identification.fit.solve import Fit
 from identification.linear import least_squares, solution
+from identification.model.excitation import Record
 from identification.selection.start import Along
 from identification.work import TOUCH, charge
 
@@ -30,6 +31,10 @@ _PASSES: Final = 6.0
 """Memory passes of a product over each deviation, for the operation count."""
 _COLLINEAR: Final = 1e-8
 """Fraction of a deviation's square that remains of a deviation that is collinear with others."""
+
+_UNFAIR: Final = 0.5
+"""Least deviation of the compared weight from its share, if stride and period have a factor [-]:
+the compared weight is then zero, or twice the share at least."""
 
 
 @dataclass(frozen=True)
@@ -103,10 +108,10 @@ class Residual:
 
     @classmethod
     def of(cls, fit: Fit, samples: int) -> Residual:
-        """Residual of a fit, compared at `samples` samples at least."""
+        """Residual of a fit, compared at `samples` samples of each channel at least."""
         records = fit.simulator.records
         is_whitened = any(len(taps) > 1 for taps in fit.weighting.whitening)
-        stride = 1 if is_whitened else max(sum(r.rows for r in records) // samples, 1)
+        stride = 1 if is_whitened else _stride(records, samples)
         pairs = zip(records, fit.equations.logged, strict=True)
         return cls(fit, tuple(record.measured - logged for record, logged in pairs), stride)
 
@@ -167,3 +172,18 @@ class Residual:
         equations = self.fit.equations
         both = zip(moved, equations.state_matrices, equations.couplings, strict=True)
         return tuple(-own - solution(matrix, coupling @ moves) for own, matrix, coupling in both)
+
+
+def _stride(records: Sequence[Record], samples: int) -> int:
+    """Largest stride that compares `samples` samples of each channel, in proportion to its weight.
+
+    The weights of a held channel are periodic: a stride that shares a factor with the period meets
+    none of its samples, or a multiple of their share.
+    """
+    total = sum(record.weight.sum(axis=0) for record in records)
+    fewest = int(np.min(total, where=total > 0.0, initial=sum(r.rows for r in records)))
+    for stride in range(fewest // samples, 1, -1):
+        compared = stride * sum(record.weight[::stride].sum(axis=0) for record in records)
+        if np.all(np.abs(compared - total) <= _UNFAIR * total):
+            return stride
+    return 1

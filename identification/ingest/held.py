@@ -1,0 +1,104 @@
+"""Detection of channels that are logged faster than their sensor or controller updates them.
+
+Between two updates such a channel repeats its value, and the repeats are no measurements: they lag
+the motor by up to one update, and the next update looks like a jump.  A channel counts as held if
+
+- the intervals between its changes are multiples of one number of samples.  If a channel may change
+  at any sample, an interval is such a multiple in one of `period` cases, and a Chernoff bound on
+  the binomial distribution gives the probability that as many are;
+- some changes exceed its quantisation step.  A slow ramp in coarse steps changes as regularly, by
+  one step at a time.
+
+Updates by another clock drift: with long periods, an interval may deviate by one sample.
+
+Source: Hoeffding, J. American Statistical Association 58 (1963), 13-30, theorem 1 (Chernoff bound).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.arrays import Array
+from identification.ingest.run import RunWarning, SourceLocator
+
+__all__ = ["find_held"]
+
+Mask = NDArray[np.bool_]
+
+_LEVEL: Final = 1e-9
+"""Probability that a channel which is not held counts as held."""
+_REGULAR: Final = 0.98
+"""Least fraction of the intervals that are multiples; the others are of samples that the logger
+missed."""
+_WANDERING: Final = 5
+"""Period from which an interval may deviate by one sample [samples]."""
+_STEPS: Final = 1.5
+"""Change over the quantisation step from which it is not the next step."""
+
+
+def find_held(
+    channels: dict[str, Array], locator: SourceLocator
+) -> tuple[dict[str, Mask], list[RunWarning]]:
+    """Find the samples of current and speed that repeat the value of the last update.
+
+    Returns:
+        Channel name to boolean (n_sample,), True at a repeat, for channels with such samples; and
+        one warning for each.
+    """
+    held: dict[str, Mask] = {}
+    warnings = []
+    for name in ("current_A", "speed_rad_s"):
+        changes = 1 + np.flatnonzero(np.diff(channels[name]))
+        period = _period(channels[name], changes)
+        if period:
+            held[name] = _repeats(changes, period, channels[name].size)
+            message = (
+                f"takes a new value only every {period} samples; the {int(held[name].sum())} "
+                "samples between are repeats and are omitted, and the others count as measured "
+                "at their times"
+            )
+            warnings.append(locator.warning("held_channel", message, name, int(changes[0])))
+    return held, warnings
+
+
+def _period(signal: Array, changes: NDArray[np.intp]) -> int:
+    """Samples between the updates of a held channel; zero for any other."""
+    intervals = np.diff(changes)
+    if not intervals.size:
+        return 0
+    sizes = np.abs(signal[changes] - signal[changes - 1])
+    if not np.any(sizes > _STEPS * sizes.min()):
+        return 0
+    longest = int(np.quantile(intervals, 1.0 - _REGULAR)) + 1
+    for period in range(longest, 1, -1):
+        slack = int(period >= _WANDERING)
+        off = np.abs(intervals - period * np.round(intervals / period)) > slack
+        if _improbability(1.0 - float(off.mean()), intervals.size, (2 * slack + 1) / period) > (
+            math.log(longest / _LEVEL)
+        ):
+            updates = np.maximum(np.round(intervals / period), 1.0)
+            return int(np.round(np.median(intervals / updates)))
+    return 0
+
+
+def _improbability(share: float, count: int, chance: float) -> float:
+    """Least negative log probability that a share of `count` intervals is regular by chance."""
+    if share < _REGULAR:
+        return 0.0
+    others = (1.0 - share) * math.log((1.0 - share) / (1.0 - chance)) if share < 1.0 else 0.0
+    return count * (share * math.log(share / chance) + others)
+
+
+def _repeats(changes: NDArray[np.intp], period: int, rows: int) -> Mask:
+    """Boolean (n_sample,), True between updates; an update may leave the value unchanged."""
+    mask = np.ones(rows, dtype=bool)
+    mask[changes] = False
+    starts, stops = changes, np.append(changes[1:], rows + period // 2)
+    for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+        mask[start : stop - period // 2 : period] = False
+    mask[changes[0] % period : changes[0] : period] = False
+    return mask
