@@ -17,7 +17,9 @@ criteria.  None of them was tuned on a simulator.
    both; it may raise their error by at most a quarter of its fall in training.  The validation
    noise level is only as certain as the kurtosis of the residual allows: a few outliers raise it
    although no effect is missing.  Per-record amplitudes are fitted to the validation runs, because
-   a phase cannot be predicted.
+   a phase cannot be predicted.  The falls are fractions of the error, not of its logarithm: that
+   of an effect that causes nearly all of the training error has no bound, and validation runs with
+   an error of their own cannot confirm a quarter of it.
 
 Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Zhang and Siegmund, Biometrics 63 (2007),
 22-32.
@@ -43,12 +45,12 @@ class AcceptanceCriteria:
     needed: float
     """Gain that chance reaches (significance limit)."""
     training: float
-    """Relative fall of the error of the training runs, summed over the channels [-]."""
+    """Fall of the logarithm of the error of the training runs, summed over the channels [-]."""
     validation: float | None
     """The same for the validation runs; None without such runs [-]."""
     possible: float
-    """Relative fall on the validation runs down to the noise, reduced by the uncertainty of the
-    noise level [-]."""
+    """The same for validation runs whose error falls to the noise, reduced by the uncertainty of
+    the noise level [-]."""
     log_odds: float
     """Gain of the log likelihood of the validation runs, in effective samples."""
     local: bool
@@ -97,18 +99,24 @@ class AcceptanceCriteria:
             )
         if self.validation is None:
             return ""
-        least = -policy.validation_share * self.training
+        training, validation = _fraction(self.training), _fraction(self.validation)
+        least = -policy.validation_share * training
         if not self.local:
-            expected = policy.validation_share * min(self.training, max(self.possible, 0.0))
+            expected = policy.validation_share * min(training, _fraction(max(self.possible, 0.0)))
             least = expected - policy.validation_tolerance
         is_preferred = self.local or self.log_odds > policy.validation_log_odds
-        if not (self.validation > least and is_preferred):
+        if not (validation > least and is_preferred):
             return (
                 "not confirmed by the validation runs: their simulation error changes by "
-                f"{-100 * self.validation:+.2f} %, that of the training runs by "
-                f"{-100 * self.training:+.2f} %"
+                f"{-100 * validation:+.2f} %, that of the training runs by {-100 * training:+.2f} %"
             )
         return ""
+
+
+def _fraction(fall: float) -> float:
+    """Fall of an error as a fraction of it [-], from the fall of its logarithm."""
+    with np.errstate(over="ignore"):
+        return float(-np.expm1(-fall))
 
 
 def by_chance(unknowns: int, samples: float, tried: int) -> float:

@@ -58,6 +58,18 @@ def test_validation_runs_that_hardly_prefer_an_effect_refuse_it(log_odds: float)
     assert replace(idle, log_odds=3.1).passed
 
 
+@pytest.mark.parametrize("training", [0.3, 1.0, 3.0, 10.0, np.inf])
+def test_validation_runs_confirm_a_quarter_of_the_fraction_that_falls(training: float) -> None:
+    """At most a quarter of the error, however small the training error becomes: ln(4 / 3)."""
+    quarter = -np.log(1.0 - 0.25 * (1.0 - np.exp(-training)))
+    large = replace(REAL, training=training, possible=training)
+
+    assert quarter < np.log(4 / 3) + 1e-9
+    assert replace(large, validation=quarter + 0.001).passed
+    refusal = replace(large, validation=quarter - 0.01).refusal
+    assert f"training runs by {-100 * (1.0 - np.exp(-training)):+.2f} %" in refusal
+
+
 def test_an_event_of_one_training_run_is_not_required_in_other_runs() -> None:
     """The error of the other runs may grow by at most a quarter of the gain of that run."""
     event = replace(REAL, validation=0.0, possible=0.0, log_odds=0.0, local=True)
