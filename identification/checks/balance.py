@@ -74,9 +74,9 @@ def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
 
     Intervals at saturated samples are excluded.
     """
-    joined = np.ones(run.time.size - 1, dtype=bool)
-    for start, _ in run.segments[1:]:
-        joined[start - 1] = False
+    joined = np.zeros(run.time.size - 1, dtype=bool)
+    for start, stop in run.segments:
+        joined[start : stop - 1] = True
     for name in ("current_A", "speed_rad_s"):
         if name in run.clipped:
             joined &= ~(run.clipped[name][1:] | run.clipped[name][:-1])

@@ -24,6 +24,7 @@ from identification.checks.finding import Finding
 from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
+from identification.checks.limited import current_limit_of, limited_finding, without_limited
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
 from identification.checks.supply import supply_current_findings
@@ -59,7 +60,7 @@ class Verdict:
     findings: tuple[Finding, ...]
     """Contradictions first, then suspicions."""
     runs: tuple[Run, ...] = ()
-    """The checked runs, divided where recordings were joined."""
+    """The checked runs, divided where recordings were joined or the drive limits the current."""
 
     @property
     def refused(self) -> tuple[Finding, ...]:
@@ -70,6 +71,8 @@ class Verdict:
 def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
+    limits = [(run, current_limit_of(run)) for run in runs]
+    runs = tuple(without_limited(run, limit) for run, limit in limits)
     joints = [(run, joints_of(run)) for run in runs]
     runs = tuple(divided(run, places) for run, places in joints)
     held = _currents_at_standstill(runs)
@@ -91,6 +94,7 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
         found += heat_findings(agreeing)
     found += plausibility_findings(runs, agreeing)
     found += [joined_finding(run, places) for run, places in joints if places]
+    found += [limited_finding(run, limit) for run, limit in limits if limit]
     order = {"refuse": 0, "suspect": 1}
     return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])), runs)
 

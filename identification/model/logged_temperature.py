@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Sequence
 from typing import Final
 
@@ -38,7 +39,7 @@ def smooth_temperature(run: Run) -> Array:
     quantum = _quantum(run.temperature)
     smooth = [
         _smooth_stretch(run.time[start:stop], run.temperature[start:stop], quantum)
-        for start, stop in _stretches(run.temperature, run.segments, quantum)
+        for start, stop in _stretches(run.temperature, _covering(run), quantum)
     ]
     return np.concatenate(smooth)
 
@@ -56,6 +57,12 @@ def coarse_step(run: Run) -> float:
     quantum = _quantum(run.temperature)
     _, _, within = _spans(run.temperature)
     return quantum if _is_hidden(within, quantum) else 0.0
+
+
+def _covering(run: Run) -> list[tuple[int, int]]:
+    """Segments of a run, extended by the samples between them that are not simulated."""
+    starts = [0, *(start for start, _ in run.segments[1:])]
+    return list(itertools.pairwise([*starts, run.rows]))
 
 
 def _stretches(

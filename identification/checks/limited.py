@@ -1,0 +1,173 @@
+"""Detection of a drive that limits the current while the set point of its voltage is logged.
+
+A linear motor under a held or sloped voltage obeys, exactly and at any interval,
+
+    i[k+1] = a i[k] + b w[k] + c w[k+1] + d v[k] + f v[k+1] + g sign(i[k]) + h
+
+A drive at its current limit lowers the voltage at the motor, so that the current stays at one level
+while this regression, fitted to the other samples, predicts larger currents of any size.  A sensor
+that saturates before its converter adds noise looks the same.  Either way the samples at the limit
+say nothing of the motor.  The fit omits them and starts again after each of them.
+
+A motor that holds its highest current by itself, at a locked shaft or a constant load, agrees with
+the regression, and an effect at high currents gives all samples of the level one residual.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.arrays import Array
+from identification.checks.balance import Signals, signals_of
+from identification.checks.finding import Finding
+from identification.ingest.run import Run
+from identification.linear import solution
+
+__all__ = ["CurrentLimit", "current_limit_of", "limited_finding", "without_limited"]
+
+_STAY: Final = 5
+"""Fewest samples at one level: noise alone keeps a current that changes there for two or three."""
+_NEAR: Final = 4.0
+"""Noise deviations within which a sample is at the level."""
+_HIGH: Final = 0.8
+"""Least level over the highest current of its direction."""
+_FEWEST: Final = 20
+"""Fewest samples at the level, and half the fewest rows between limits that make a record."""
+_DEVIATIONS: Final = 10.0
+"""Predicted excess over the level, and its range, from which the level is a limit [deviations of
+the regression]."""
+_TRIMMED: Final = 0.01
+"""Fraction of the residuals, the largest, that does not count in the regression."""
+_REGRESSED: Final = 100
+"""Fewest samples of the regression."""
+_RIDGE: Final = 1e-12
+"""Regularisation per sample of the regression, whose regressors have a mean square of one."""
+
+
+@dataclass(frozen=True)
+class CurrentLimit:
+    """Samples at which a drive limits the current."""
+
+    level: float
+    """Largest level of the two directions [A]."""
+    excess: float
+    """Median predicted excess over the level, in deviations of the regression."""
+    limited: NDArray[np.bool_]
+    """(n_sample,) True at these samples."""
+
+
+def current_limit_of(run: Run) -> CurrentLimit | None:
+    """Limit of the current of a run; None if nothing limits it."""
+    signals = signals_of(run, samples=run.rows)
+    current = signals.current
+    noise = _noise(current)
+    if not noise > 0.0:
+        return None
+    levels = [_level(sign * current, noise) for sign in (1.0, -1.0)]
+    # Beyond the level the drive reduces the current; there, too, the voltage is not the logged one.
+    at = [
+        sign * current >= level - _NEAR * noise
+        for sign, level in zip((1.0, -1.0), levels, strict=True)
+    ]
+    used = signals.joined & ~(_around(at[0] | at[1]))
+    if np.count_nonzero(used) < _REGRESSED:
+        return None
+    missing, deviation = _missing(signals, used)
+    limited = np.zeros(run.rows, dtype=bool)
+    found: list[tuple[float, float]] = []
+    for sign, near, level in zip((1.0, -1.0), at, levels, strict=True):
+        held = near[1:] & near[:-1] & signals.joined
+        over = sign * missing / deviation
+        if np.count_nonzero(held) < _FEWEST:
+            continue
+        low, middle, high = np.quantile(over[held], [0.25, 0.5, 0.75])
+        if middle > _DEVIATIONS and high - low > _DEVIATIONS:
+            found.append((level, float(middle)))
+            limited[1:] |= held | near[1:] & (over > _DEVIATIONS)
+    if not found:
+        return None
+    # The voltage of the interval in which the drive reaches or leaves its limit is not logged.
+    limited[:-1] |= limited[1:].copy()
+    return CurrentLimit(max(level for level, _ in found), max(over for _, over in found), limited)
+
+
+def without_limited(run: Run, limit: CurrentLimit | None) -> Run:
+    """The run with a segment for each of the stretches between the limited samples."""
+    if limit is None:
+        return run
+    segments: list[tuple[int, int]] = []
+    for start, stop in run.segments:
+        edges = np.flatnonzero(np.diff(limit.limited[start:stop], prepend=True, append=True))
+        pairs = (edges.reshape(-1, 2) + start).tolist()
+        segments += [(first, last) for first, last in pairs if last - first >= _FEWEST // 2]
+    return dataclasses.replace(run, segments=tuple(segments)) if segments else run
+
+
+def limited_finding(run: Run, limit: CurrentLimit) -> Finding:
+    """Suspicion that the drive limits the current, so that the motor has another voltage."""
+    share = 100.0 * float(limit.limited.mean())
+    return Finding(
+        "current_limit",
+        "suspect",
+        run.name,
+        "current_A",
+        f"stays at {limit.level:.4g} A although the logged voltage would raise it: the drive "
+        "limits the current, and the voltage is its set point, or the current sensor saturates; "
+        f"the fit omits these samples ({share:.2g} %)",
+        "predicted excess of the current in standard deviations",
+        limit.excess,
+        _DEVIATIONS,
+        remedy="log the voltage at the motor terminals, or stay below the limit",
+    )
+
+
+def _noise(signal: Array) -> float:
+    """Standard deviation of the noise, from second differences, or of the rounding [A]."""
+    twice = float(np.median(np.abs(np.diff(signal, 2)))) / (0.6745 * np.sqrt(6.0))
+    steps = np.abs(np.diff(signal))
+    step = float(np.min(steps, where=steps > 0.0, initial=np.inf))
+    return max(twice, step / np.sqrt(12.0)) if np.isfinite(step) else 0.0
+
+
+def _level(signal: Array, noise: float) -> float:
+    """Highest level at which a signal stays; infinite if there is none [A]."""
+    windows = np.lib.stride_tricks.sliding_window_view(signal, _STAY)
+    stays = np.ptp(windows, axis=1) <= 2.0 * _NEAR * noise
+    middle = np.median(windows, axis=1)
+    high = stays & (middle > _HIGH * np.max(signal)) & (middle > 0.0)
+    if not high.any():
+        return np.inf
+    top = float(np.quantile(middle[high], 0.9, method="higher"))
+    return float(np.median(middle[high & (np.abs(middle - top) <= _NEAR * noise)]))
+
+
+def _around(near: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n_sample - 1,) True for the intervals that begin or end at marked samples."""
+    return np.asarray(near[1:] | near[:-1])
+
+
+def _missing(signals: Signals, used: NDArray[np.bool_]) -> tuple[Array, float]:
+    """(n_sample - 1,) predicted minus measured current, and the deviation of the used ones [A]."""
+    v, i, w = signals.voltage, signals.current, signals.speed
+    sign = np.clip(i / (0.02 * float(np.abs(i).max())), -1.0, 1.0)
+    columns = (i[:-1], w[:-1], w[1:], v[:-1], v[1:], sign[:-1], np.ones(i.size - 1))
+    matrix = np.column_stack(columns)
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    matrix /= np.where(scale > 0.0, scale, 1.0)
+    missing = _predicted(matrix, i[1:], used) - i[1:]
+    usual = np.quantile(np.abs(missing[used]), 1.0 - _TRIMMED)
+    used = used & (np.abs(missing) <= usual)
+    missing = _predicted(matrix, i[1:], used) - i[1:]
+    deviation = float(np.sqrt(np.mean(missing[used] ** 2)))
+    return missing, max(deviation, 1e-4 * float(np.abs(i).max()))
+
+
+def _predicted(matrix: Array, target: Array, used: NDArray[np.bool_]) -> Array:
+    """Prediction (n,) of a regression on the used rows."""
+    moments = matrix[used].T @ matrix[used] + _RIDGE * target.size * np.eye(matrix.shape[1])
+    return np.asarray(matrix @ solution(moments, matrix[used].T @ target[used]))
