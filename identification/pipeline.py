@@ -265,7 +265,7 @@ def _searched(
         EFFORTS[options.effort].search_of(rows),
         withheld,
     )
-    return found, with_sharp_friction(outcome)
+    return found, with_sharp_friction(outcome, campaign, withheld)
 
 
 def _admitted(

@@ -15,17 +15,20 @@ smooth to a sharp problem.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from identification.effects.effect import effects_of
+from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.model.simulate import Simulator
 from identification.selection.omitted import optimum_shifts
 from identification.selection.outcome import Outcome
 from identification.selection.policy import DEFAULT
+from identification.selection.trials import Trials
 from identification.work import Budget
 
 __all__ = ["sharpened", "with_sharp_friction"]
@@ -35,11 +38,20 @@ _LEAST_RATIO: Final = 0.5
 smaller ratio shows sensitivities that the substeps do not resolve."""
 
 
-def with_sharp_friction(outcome: Outcome) -> Outcome:
-    """The outcome of a search with a final fit that smoothed friction does not bias."""
-    sharp = sharpened(outcome.fit)
-    smooth = None if sharp is outcome.fit else outcome.fit.simulator.model
-    return replace(outcome, fit=sharp, smooth=smooth)
+def with_sharp_friction(
+    outcome: Outcome, campaign: Campaign, withheld: Collection[str] = ()
+) -> Outcome:
+    """The outcome of a search with a final fit that smoothed friction does not bias.
+
+    Terms outside the model may imitate the creep of the smoothed friction: they are screened again.
+    """
+    sharp, omitted = sharpened(outcome.fit), outcome.omitted
+    if sharp is outcome.fit:
+        return outcome
+    if omitted:
+        trials = Trials(campaign, Budget(), withheld=withheld)
+        omitted = trials.omitted(trials.evaluate(sharp))
+    return replace(outcome, fit=sharp, omitted=omitted, smooth=outcome.fit.simulator.model)
 
 
 def sharpened(fit: Fit) -> Fit:

@@ -13,15 +13,17 @@ from benchmarks.benches.excitation import speeds
 from benchmarks.benches.motors import BenchMotor, drawn_motor
 from benchmarks.benches.plant import Drive, Hidden, Trajectory, simulated
 from identification.effects.friction import CoulombFriction
-from identification.fit.campaign import campaign_of
+from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.ingest.run import Run
 from identification.quantities import DECLARED_PARAMETERS
 from identification.selection.candidates import scales_of
+from identification.selection.outcome import Outcome
 from identification.selection.refit import refined, refitted_with
-from identification.selection.sharpening import sharpened
+from identification.selection.sharpening import sharpened, with_sharp_friction
 from identification.selection.start import Start
+from identification.selection.trials import Trials
 
 Array = NDArray[np.float64]
 
@@ -59,8 +61,8 @@ def _trajectories(friction: float) -> list[tuple[Array, Array, Trajectory]]:
     return found
 
 
-def _fitted(friction: float, sign: float) -> Fit:
-    """Fit of the nominal model with Coulomb friction.
+def _campaign(friction: float, sign: float) -> Campaign:
+    """Campaign of the logged runs.
 
     Args:
         friction: As in `_trajectories`.
@@ -73,7 +75,12 @@ def _fitted(friction: float, sign: float) -> Fit:
         current = true.current + 0.004 * motor.rated_current * noise[0]
         speed = true.speed + 0.003 * motor.rated_speed * noise[1]
         runs.append(Run(f"{k}.csv", f"{k:064d}", time, true.command, current, speed, body))
-    declared = fit_declared(campaign_of(runs, ()).training, "zoh")
+    return campaign_of(runs, ())
+
+
+def _fitted(friction: float, sign: float) -> Fit:
+    """Fit of the nominal model with Coulomb friction; arguments as of `_campaign`."""
+    declared = fit_declared(_campaign(friction, sign).training, "zoh")
     (candidate,) = CoulombFriction.candidates(scales_of(declared))
     start = Start(candidate.starts[:, 0])
     return refined(refitted_with(declared, candidate.term, [start], TerminationLimits(40)))
@@ -110,6 +117,18 @@ def test_a_sharper_sign_adds_no_information() -> None:
         assert sharp.cost < smooth.cost
         assert sharp.converged
         assert sharp.deviations / smooth.deviations == pytest.approx(1.0, abs=0.1)
+
+
+def test_terms_that_imitate_the_creep_widen_no_interval() -> None:
+    """The motor has Coulomb friction alone; the creep of the smoothed one is a load torque."""
+    campaign, ((before, _), _) = _campaign(0.06, 1.0), _pair(0.06)
+    trials = Trials(campaign)
+    omitted = trials.omitted(trials.evaluate(before))
+    outcome = with_sharp_friction(Outcome(before, (), (), omitted=omitted), campaign)
+
+    assert omitted
+    assert outcome.smooth is before.simulator.model
+    assert not outcome.omitted
 
 
 @pytest.mark.parametrize("size", [4.0, 8.0])
