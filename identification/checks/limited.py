@@ -41,8 +41,8 @@ _FEWEST: Final = 20
 _DEVIATIONS: Final = 10.0
 """Predicted excess over the level, and its range, from which the level is a limit [deviations of
 the regression]."""
-_TRIMMED: Final = 0.01
-"""Fraction of the residuals, the largest, that does not count in the regression."""
+_RESOLUTION: Final = 1e-4
+"""Least deviation of the regression over the largest current."""
 _REGRESSED: Final = 100
 """Fewest samples of the regression."""
 _RIDGE: Final = 1e-12
@@ -151,23 +151,21 @@ def _around(near: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(near[1:] | near[:-1])
 
 
-def _missing(signals: Signals, used: NDArray[np.bool_]) -> tuple[Array, float]:
-    """(n_sample - 1,) predicted minus measured current, and the deviation of the used ones [A]."""
+def _missing(signals: Signals, used: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """(n_sample - 1,) predicted minus measured current, and its standard deviation [A].
+
+    The deviation is that of a prediction from the used samples: they may determine less than a
+    prediction at the limit needs.
+    """
     v, i, w = signals.voltage, signals.current, signals.speed
     sign = np.clip(i / (0.02 * float(np.abs(i).max())), -1.0, 1.0)
     columns = (i[:-1], w[:-1], w[1:], v[:-1], v[1:], sign[:-1], np.ones(i.size - 1))
     matrix = np.column_stack(columns)
     scale = np.sqrt(np.mean(matrix**2, axis=0))
     matrix /= np.where(scale > 0.0, scale, 1.0)
-    missing = _predicted(matrix, i[1:], used) - i[1:]
-    usual = np.quantile(np.abs(missing[used]), 1.0 - _TRIMMED)
-    used = used & (np.abs(missing) <= usual)
-    missing = _predicted(matrix, i[1:], used) - i[1:]
+    moments = matrix[used].T @ matrix[used] + _RIDGE * i.size * np.eye(matrix.shape[1])
+    missing = matrix @ solution(moments, matrix[used].T @ i[1:][used]) - i[1:]
     deviation = float(np.sqrt(np.mean(missing[used] ** 2)))
-    return missing, max(deviation, 1e-4 * float(np.abs(i).max()))
-
-
-def _predicted(matrix: Array, target: Array, used: NDArray[np.bool_]) -> Array:
-    """Prediction (n,) of a regression on the used rows."""
-    moments = matrix[used].T @ matrix[used] + _RIDGE * target.size * np.eye(matrix.shape[1])
-    return np.asarray(matrix @ solution(moments, matrix[used].T @ target[used]))
+    deviation = max(deviation, _RESOLUTION * float(np.abs(i).max()))
+    leverage = np.sum(matrix * solution(moments, matrix.T).T, axis=1)
+    return np.asarray(missing), deviation * np.sqrt(1.0 + leverage)

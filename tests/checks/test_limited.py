@@ -26,30 +26,29 @@ NOISE = np.array([0.02, 0.1])
 TRUTH = {"Ra25": RA, "Kt25": KT, "J": J, "b": B, "L": L}
 
 
-def limited_run(limit: float, seed: int, rows: int = 3000) -> tuple[Run, NDArray[np.bool_]]:
-    """Run with the set point as its voltage, and True at the intervals with another voltage.
+def limited_run(limit: float, seed: int, inductance: float = L) -> tuple[Run, Array]:
+    """Run with the set point as its voltage, and the voltage at the motor (n_sample,) [V].
 
     The drive chooses the voltage of each interval so that the current ends at the limit; current
     and speed follow from the matrix exponential.
     """
-    rng = np.random.default_rng(seed)
-    command = np.repeat(rng.uniform(-24.0, 24.0, rows // 60 + 1), 60)[:rows]
+    rng, rows = np.random.default_rng(seed), 3000
+    command = np.repeat(rng.uniform(-24.0, 24.0, 50), 60)
     block = np.zeros((3, 3))
-    block[:2] = [[-RA / L, -KT / L, 1.0 / L], [KT / J, -B / J, 0.0]]
+    block[0] = np.array([-RA, -KT, 1.0]) / inductance
+    block[1] = [KT / J, -B / J, 0.0]
     change = expm(block * STEP)[:2]
-    state, states, active = np.zeros(2), np.zeros((rows, 2)), np.zeros(rows, dtype=bool)
+    state, states, applied = np.zeros(2), np.zeros((rows, 2)), command.copy()
     for k, asked in enumerate(command.tolist()):
         states[k] = state
         ahead = change @ [*state, asked]
-        active[k] = abs(ahead[0]) > limit
-        if active[k]:
-            excess = ahead[0] - np.sign(ahead[0]) * limit
-            ahead = ahead - change[:, 2] * excess / change[0, 2]
-        state = ahead
+        excess = ahead[0] - np.clip(ahead[0], -limit, limit)
+        applied[k] -= excess / change[0, 2]
+        state = change @ [*state, applied[k]]
     logged = states + NOISE * rng.normal(size=states.shape)
     time, warmth = STEP * np.arange(rows, dtype=np.float64), np.full(rows, 25.0)
     run = Run(f"r{seed}.csv", str(seed), time, command, logged[:, 0], logged[:, 1], warmth)
-    return run, active
+    return run, applied
 
 
 def converter_noise(rows: int) -> Array:
@@ -70,7 +69,8 @@ def deviations(fit: Fit) -> Array:
 @pytest.mark.parametrize("limit", [12.0, 18.0, 25.0])
 def test_no_interval_with_another_voltage_is_simulated(limit: float) -> None:
     """The true intervals are known; of the others, nearly all are."""
-    run, active = limited_run(limit, seed=1)
+    run, applied = limited_run(limit, seed=1)
+    active = np.abs(applied - run.voltage) > 1e-9
     (checked,) = check_runs([run]).runs
     simulated = np.zeros(run.rows, dtype=bool)
     for start, stop in checked.segments:
@@ -100,6 +100,19 @@ def test_a_sensor_that_saturates_before_its_noise_is_found() -> None:
 
     assert found is not None
     assert found.level == pytest.approx(14.0, abs=0.02)
+
+
+@pytest.mark.parametrize("limit", [10.0, 15.0, 25.0])
+@pytest.mark.parametrize("inductance", [1e-4, 5e-4, 2e-3])
+def test_a_limited_current_agrees_with_the_voltage_at_the_motor(
+    limit: float, inductance: float
+) -> None:
+    """The same current as with the set point; the samples at the limit are good ones."""
+    for seed in range(4):
+        run, applied = limited_run(limit, seed, inductance)
+
+        assert current_limit_of(run) is not None
+        assert current_limit_of(replace(run, voltage=applied)) is None
 
 
 @pytest.mark.parametrize("seed", range(8))
