@@ -79,11 +79,11 @@ async def choose(
 ) -> HTMLResponse:
     """Store the roles in the form, or those of a gesture: all, none, pattern, proposal."""
     form = await texts_of(request)
-    await to_thread.run_sync(_choose, services, caller, form)
+    await to_thread.run_sync(_choose, services, caller, form, motor)
     return page("choice", choice=await to_thread.run_sync(choice_of, services, caller, motor))
 
 
-def _choose(services: Services, caller: Caller, form: Mapping[str, str]) -> None:
+def _choose(services: Services, caller: Caller, form: Mapping[str, str], motor: str | None) -> None:
     roles = _roles(form)
     runs = [services.runs.get(caller, run_id) for run_id in roles]
     gesture = form.get("gesture", "")
@@ -97,6 +97,11 @@ def _choose(services: Services, caller: Caller, form: Mapping[str, str]) -> None
         for run in runs:
             run.role = None
         roles, _ = services.choice.roles(runs)
+    else:
+        # The role of one run leaves those of the others as they are shown, proposed or chosen.
+        shown = choice_of(services, caller, motor)
+        proposed = shown["runs"] if shown["is_proposal"] else ()
+        roles = {run["id"]: run["role"] for run in proposed} | roles
     services.choice.set_roles(caller, roles)
 
 

@@ -10,14 +10,17 @@ import json
 import re
 import shutil
 import subprocess
-from dataclasses import dataclass
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import APIResponse, Page, Route
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
@@ -69,6 +72,74 @@ def show(address: str, directory: Path, *, wait_ms: int = 4000) -> Shown:
     )  # fmt: skip
     console = [line for line in finished.stderr.splitlines() if re.search(r"CONSOLE|Refused", line)]
     return Shown(finished.stdout, console, _requests(record))
+
+
+@contextmanager
+def browsing(address: str) -> Iterator[Page]:
+    """Open a page in a browser with a new profile, which accepts every question."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
+        page = browser.new_context().new_page()
+        page.set_default_timeout(60_000)
+        page.on("dialog", lambda dialog: dialog.accept())
+        page.goto(address)
+        yield page
+        browser.close()
+
+
+@dataclass
+class Held:
+    """Requests of a page that are held until they are released, in their order.
+
+    Args:
+        page: The page.
+        pattern: Addresses of the requests.
+        method: Method of the requests.
+        is_answered: Whether the service receives the requests and the answers are held.
+    """
+
+    page: Page
+    pattern: str
+    method: str = "POST"
+    is_answered: bool = False
+    held: list[tuple[Route, APIResponse | None]] = field(default_factory=list)
+
+    def __enter__(self) -> Held:
+        """Hold further requests."""
+        self.page.route(self.pattern, self._hold)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Release what is still held, and hold nothing more."""
+        self.method = ""
+        self.release()
+        self.page.unroute(self.pattern)
+
+    def _hold(self, route: Route) -> None:
+        if route.request.method != self.method:
+            route.fallback()
+            return
+        self.held.append((route, route.fetch() if self.is_answered else None))
+
+    def wait(self, count: int = 1) -> None:
+        """Wait until so many requests are held."""
+        until = time.monotonic() + 60.0
+        while len(self.held) < count:
+            assert time.monotonic() < until, f"{len(self.held)} of {count} requests"
+            self.page.wait_for_timeout(20)
+
+    def release(self) -> None:
+        """Release the held requests, and those that they cause, in their order."""
+        while self.held:
+            route, answer = self.held.pop(0)
+            if answer is None:
+                route.continue_()
+            else:
+                route.fulfill(response=answer)
+            self.page.wait_for_timeout(300)
 
 
 def wait_until_settled(page: Page) -> None:

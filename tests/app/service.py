@@ -162,6 +162,16 @@ class Caller:
         return fit
 
 
+def empty(server: Server) -> None:
+    """Remove the new files, runs and fits of a service without keys."""
+    with Caller(server) as caller:
+        httpx.delete(f"{server.url}/pending", headers={"HX-Request": "true"}).raise_for_status()
+        for fit in list(caller.client.fits()):
+            caller.client.delete_fit(fit)
+        for run in list(caller.client.runs()):
+            caller.client.delete_run(run)
+
+
 def make_key(data_dir: Path, workspace: str = "default") -> str:
     """Create a key in a data directory, as `motorid keys create` does."""
     data_dir.mkdir(parents=True, exist_ok=True)

@@ -58,6 +58,15 @@ def test_roles_are_proposed_then_chosen_and_kept(http: httpx.Client) -> None:
     assert again == {each: "training" for each in run.values()} | {run["a.csv"]: ""}
 
 
+def test_role_of_one_run_leaves_the_proposal_of_the_others(http: httpx.Client) -> None:
+    """The request has the role of one run only, and the table shows all others as before."""
+    run = ids(http)
+    proposed = shown(http.get("/").text)
+    answer = http.post("/choice?motor=servo+1", data={f"role.{run['a.csv']}": ""})
+
+    assert shown(answer.text) == proposed | {run["a.csv"]: ""}
+
+
 @pytest.mark.parametrize(
     ("gesture", "pattern", "validating"),
     [

@@ -7,17 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import httpx
 import pytest
 
-from tests.app.browser import BROWSER, needs_browser, wait_until_settled
+from tests.app.browser import browsing, needs_browser, wait_until_settled
 from tests.app.pretended import SLOW
-from tests.app.service import Caller, Server, run_text, serving
+from tests.app.service import Caller, Server, empty, run_text, serving
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 pytestmark = needs_browser
 
@@ -34,21 +33,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 @pytest.fixture
 def page(server: Server) -> Iterator[Page]:
     """Start page in a browser, without files, runs and fits of other tests."""
-    with Caller(server) as caller:
-        httpx.delete(f"{server.url}/pending", headers={"HX-Request": "true"}).raise_for_status()
-        for fit in list(caller.client.fits()):
-            caller.client.delete_fit(fit)
-        for run in list(caller.client.runs()):
-            caller.client.delete_run(run)
-    with sync_api.sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
-        opened = browser.new_context().new_page()
-        opened.set_default_timeout(60_000)
-        opened.on("dialog", lambda dialog: dialog.accept())
-        opened.goto(server.url)
+    empty(server)
+    with browsing(server.url) as opened:
         yield opened
-        browser.close()
 
 
 def drop(page: Page, directory: Path, *seeds: int) -> None:
@@ -128,26 +115,6 @@ def test_options_of_a_fit_outlive_added_runs_and_an_ended_fit(
 
     assert page.input_value("[name=known]") == "Kt25=0.05"
     assert focused(page) == "Fits"
-
-
-def test_press_of_a_button_counts_though_the_typed_motor_replaces_it(
-    page: Page, tmp_path: Path
-) -> None:
-    """A person holds the mouse down for longer than the service needs to store the motor."""
-    drop(page, tmp_path, 50)
-    page.locator("#motor").press_sequentially("motor 50")
-    button = page.locator("#pending-confirm")
-    button.evaluate("button => window.pressed = button")
-    with page.expect_response(re.compile("/pending/labels")):
-        button.hover()
-        page.mouse.down()
-    wait_until_settled(page)
-    is_replaced = page.evaluate("!window.pressed.isConnected")
-    page.mouse.up()
-
-    page.locator("#runs tr").wait_for()
-    assert is_replaced
-    assert page.get_by_label("Motor of run50.csv").input_value() == "motor 50"
 
 
 def test_what_another_tab_removed_leaves_the_lists(page: Page, tmp_path: Path) -> None:

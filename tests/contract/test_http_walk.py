@@ -268,10 +268,12 @@ def overtake(article: Locator, label: str) -> None:
     page.route(f"**{address}", send_late)
     with page.expect_response(lambda answer: note("answered", answer.request)):
         article.get_by_label(label).evaluate(
-            """menu => {
+            """async menu => {
               for (const sign of ["-", "+"]) {
                 menu.value = sign;
                 menu.dispatchEvent(new Event("change", {bubbles: true}));
+                // The request of the first change is on its way.
+                await new Promise(resolve => setTimeout(resolve, 50));
               }
             }"""
         )
@@ -307,7 +309,7 @@ def start_fit(page: Page) -> None:
     with page.expect_response(re.compile("/choice")):
         page.click("text=Apply")
     page.reload()
-    assert page.locator("select.validation").count() == 1
+    assert page.locator("#runs option:checked", has_text="validation").count() == 1
     page.uncheck("[name=posterior]")
     page.uncheck("[name=effects]")
     page.click("text=Start fit")

@@ -1,14 +1,13 @@
 // Start page: shows the progress of fits and batches, and moves the focus from what is removed.
 
-import { call, hasEnded, showBatch, showProblem, showProgress, UNREACHABLE, wireEnds } from "/static/calls.js";
+import { call, hasEnded, showBatch, showProblem, showProgress, wireEnds } from "/static/calls.js";
+import { inTurn, renew } from "/static/changes.js";
 
 const WATCH_MS = 1000;
 
 /** Shows the fits and batches anew; the forms above keep what was typed. */
-function renew() {
-  const lists = htmx.ajax("GET", location.href, { target: "#work", select: "#work", swap: "outerHTML" });
-  // htmx gives no reason.
-  return lists.catch(() => Promise.reject(new Error(UNREACHABLE)));
+function renewWork() {
+  return inTurn(["work"], () => renew("work"));
 }
 
 /** Updates the unfinished rows with the attribute `data-KIND`; returns their number. */
@@ -23,7 +22,7 @@ async function look(kind, path, show, mayRenew) {
     if (!now || hasEnded(now.status)) ended += 1;
     if (now) show(row, now);
   }
-  if (ended && mayRenew) await renew();
+  if (ended && mayRenew) await renewWork();
   return rows.length;
 }
 
@@ -76,8 +75,9 @@ function isFocusLost() {
 }
 
 let moveFocus = null;
-document.addEventListener("htmx:beforeSwap", ({ detail: { requestConfig, target } }) => {
+document.addEventListener("htmx:beforeSwap", ({ detail: { requestConfig, shouldSwap, target } }) => {
   const { elt, verb } = requestConfig;
+  if (!shouldSwap) return;
   if (target.id in LISTS) {
     // The entry may be gone afterwards: deleted, discarded, or renamed to another motor.
     const index = indexOf(target.id, document.activeElement);
@@ -92,17 +92,18 @@ document.addEventListener("htmx:afterSettle", () => {
 });
 
 // A run or a new file that is gone was removed in another tab or by another user.
-document.addEventListener("htmx:afterRequest", async ({ detail: { xhr, requestConfig } }) => {
+document.addEventListener("htmx:afterRequest", ({ detail: { xhr, requestConfig } }) => {
   if (xhr.status !== 404 || requestConfig.verb === "get") return;
-  const motor = encodeURIComponent(document.getElementById("choice-motor")?.value ?? "*");
-  await htmx.ajax("GET", `/choice?motor=${motor}`, { target: "#choice", swap: "outerHTML" });
-  await htmx.ajax("GET", "/pending", { target: "#pending", swap: "outerHTML" });
-  showProblem("This was removed in the meantime, in another tab or by another user. The lists are now up to date.");
+  inTurn(["pending", "choice"], async () => {
+    await renew("choice");
+    await renew("pending");
+    showProblem("This was removed in the meantime, in another tab or by another user. The lists are now up to date.");
+  });
 });
 
 wireEnds(async (button) => {
   const index = indexOf("work", button);
-  await renew();
+  await renewWork();
   const same = document.getElementById(button.id);
   if (same) same.focus();
   else focusIn("work", index);

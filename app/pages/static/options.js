@@ -1,6 +1,8 @@
 // Start page: typed options of a fit outlive a reload, the end of a session, and the fit itself: after a
 // refused or failed fit its motor is fitted again with other runs or one other option.
 
+import { motor } from "/static/changes.js";
+
 const NAME = "fit-options";
 
 /** The options, unless the page has none, as before the first run. */
@@ -10,11 +12,6 @@ function part() {
 
 function fields() {
   return [...part().querySelectorAll("[name]")];
-}
-
-/** The motor whose runs are shown. */
-function motor() {
-  return document.getElementById("choice-motor")?.value ?? "*";
 }
 
 /** Keeps the options that are not the default; once a fit was started with them, for its motor only. */

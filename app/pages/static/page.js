@@ -1,5 +1,5 @@
-// All pages: times in the reader's time zone, lost connections, clicks on buttons that are replaced while
-// they are pressed, and problems that end with the next success.
+// All pages: times in the reader's time zone, lost connections, double clicks, and problems that end with the
+// next success.
 
 import { showProblem, UNREACHABLE } from "/static/calls.js";
 
@@ -36,27 +36,23 @@ htmx.logger = (_, name, detail) => {
 
 document.addEventListener("htmx:sendError", () => showProblem(UNREACHABLE));
 
+// The answer to the first click of a double click may have put another button in its place.
+document.addEventListener("click", (event) => {
+  if (event.detail < 2 || !event.target.closest("button")) return;
+  event.preventDefault();
+  event.stopPropagation();
+}, true);
+
 // Who signs in next in this tab does not get what was typed.
 document.querySelector("form.who")?.addEventListener("submit", () => sessionStorage.clear());
 
-// A press of the mouse takes longer than an answer of the service.  The answer to a value that was typed just
-// before may replace the pressed button, and the browser then sends its click to no button.
-let pressed = null;
-document.addEventListener("pointerdown", (event) => {
-  const button = event.pointerType === "mouse" && event.button === 0 && event.target.closest("button[id]");
-  pressed = button ? { button, x: event.clientX, y: event.clientY } : null;
-}, true);
-document.addEventListener("pointerup", ({ clientX, clientY }) => {
-  const isStill = pressed && Math.hypot(clientX - pressed.x, clientY - pressed.y) < 8;
-  if (isStill && !pressed.button.isConnected) document.getElementById(pressed.button.id)?.click();
-  pressed = null;
-});
-
 showLocalTimes(document);
 document.addEventListener("htmx:load", (event) => showLocalTimes(event.detail.elt.parentElement ?? document));
-document.addEventListener("htmx:afterRequest", (event) => {
-  const { elt, successful, requestConfig } = event.detail;
+// A problem ends with the success of what the user does after it.
+let problemAt = 0;
+document.addEventListener("htmx:afterRequest", ({ detail: { elt, successful, requestConfig } }) => {
+  if (!successful) problemAt = performance.now();
   // The prospects are requested by the page itself.
   const isOfUser = requestConfig.verb !== "get" && elt.id !== "prospects";
-  if (successful && isOfUser) document.getElementById("problem").replaceChildren();
+  if (successful && isOfUser && requestConfig.triggeringEvent?.timeStamp > problemAt) document.getElementById("problem").replaceChildren();
 });

@@ -1,12 +1,13 @@
 // Start page: sends dropped or selected files one by one; the page then shows what was understood.
 
+import { inTurn, isWaiting, renew } from "/static/changes.js";
+
 const form = document.getElementById("upload");
 const drop = document.getElementById("drop");
 const files = document.getElementById("files");
 const received = document.getElementById("received");
 
 let unsent = 0;
-let isAwaited = false;
 
 function notice(kind, name, text) {
   const line = document.createElement("li");
@@ -18,11 +19,10 @@ function notice(kind, name, text) {
   return line;
 }
 
-/** Shows a file that was received below the others; a change of the list meanwhile has shown it. */
+/** Shows a file that was received below the others. */
 function add(text) {
   const pending = document.getElementById("pending");
-  const { id } = new DOMParser().parseFromString(text, "text/html").querySelector("article");
-  if (!document.getElementById(id)) htmx.swap(pending, text, { swapStyle: "beforeend" });
+  htmx.swap(pending, text, { swapStyle: "beforeend" });
   pending.hidden = false;
 }
 
@@ -45,66 +45,36 @@ async function send(file, position) {
   if (problem) notice("bad", file.name, problem);
 }
 
-/** Counts the new files; shows all again if a change of the list meanwhile has lost one. */
+/** Counts the new files; shows all again if another tab has added or discarded some. */
 async function count() {
-  const part = (id) => htmx.ajax("GET", "/pending", { target: id, select: id, swap: "outerHTML" });
-  await part("#pending-head");
+  const head = "#pending-head";
+  await htmx.ajax("GET", "/pending", { source: "#pending", target: head, select: head, swap: "outerHTML" });
   const shown = document.querySelectorAll("#pending article").length;
-  if (shown !== Number(document.getElementById("pending-head").dataset.runs)) await part("#pending");
+  if (shown !== Number(document.querySelector(head).dataset.runs)) await renew("pending");
 }
 
 async function sendAll(list) {
+  for (const [index, file] of list.entries()) await inTurn(["pending"], () => send(file, `${index + 1} of ${list.length}`));
+  await inTurn(["pending"], count).catch(console.warn);
+  unsent -= list.length;
+}
+
+function take(list) {
   if (unsent === 0) received.replaceChildren();
   unsent += list.length;
   // Sequential, sorted by name, because the order of upload counts as the order of recording.
   const sorted = [...list].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }));
-  for (const [index, file] of sorted.entries()) await send(file, `${index + 1} of ${sorted.length}`);
-  await count().catch(console.warn);
-  unsent -= sorted.length;
-  files.value = "";
-  addAwaited(true);
+  inTurn(["files"], () => sendAll(sorted));
 }
 
-// Corrections of one file are sent one after the other, since of two at once the service might keep the
-// earlier.  Its answer does not replace a form that has changed meanwhile and is sent again.
-document.addEventListener("change", ({ target }) => target.closest("#pending form")?.setAttribute("data-unsent", ""), true);
-for (const name of ["htmx:beforeRequest", "htmx:validation:halted"]) {
-  document.addEventListener(name, ({ target }) => target.removeAttribute("data-unsent"));
-}
-document.addEventListener("htmx:beforeSwap", ({ detail }) => {
-  if (detail.requestConfig.elt.hasAttribute("data-unsent")) detail.shouldSwap = false;
-});
-
-// Adding runs waits for the files that are still sent, and for the correction or the motor that was typed
-// just before the click.
-const BUSY = "#upload.htmx-request, #pending form.htmx-request, #pending form[data-unsent]";
-function isBusy() {
-  return unsent > 0 || document.querySelector(BUSY) !== null;
-}
-
-function addAwaited(isRight) {
-  if (!isAwaited || (isRight && isBusy())) return;
-  isAwaited = false;
-  const button = document.getElementById("pending-confirm");
-  if (!button) return;
-  button.disabled = button.dataset.new === "0";
-  if (isRight) button.click();
-}
-
-document.addEventListener("htmx:confirm", (event) => {
-  if (event.target.id !== "pending-confirm" || !isBusy()) return;
-  event.preventDefault();
-  isAwaited = true;
-  event.target.disabled = true;
-});
-document.addEventListener("htmx:afterRequest", ({ detail }) => {
-  if (detail.requestConfig.verb !== "get") addAwaited(detail.successful || detail.xhr.status === 0);
-});
 window.addEventListener("beforeunload", (event) => {
-  if (unsent > 0) event.preventDefault();
+  if (unsent > 0 || isWaiting()) event.preventDefault();
 });
 
-files.addEventListener("change", () => sendAll(files.files));
+files.addEventListener("change", () => {
+  take(files.files);
+  files.value = "";
+});
 for (const name of ["dragenter", "dragover"]) {
   drop.addEventListener(name, (event) => {
     event.preventDefault();
@@ -116,5 +86,5 @@ for (const name of ["dragleave", "drop"]) {
 }
 drop.addEventListener("drop", (event) => {
   event.preventDefault();
-  sendAll(event.dataTransfer.files);
+  take(event.dataTransfer.files);
 });
