@@ -60,13 +60,17 @@ def compute_feedback(
 
 
 @router.post("/{fit_id}/tunings", summary="Tune the speed loop", **JSON_CALL)
-def tune_loop(fit_id: str, body: TuningIn, services: ServicesDep, caller: CallerDep) -> TuningOut:
+def tune_loop(
+    fit_id: str, body: TuningIn, services: ServicesDep, caller: CallerDep, is_wanted: IsWanted
+) -> TuningOut:
     """Find controllers that meet a specification over posterior draws and temperatures.
 
     The loop is simulated with the effects found, limits, sample time and delay.  The answer takes
-    some seconds and is not stored.
+    some seconds and is not stored.  A computation whose client has disconnected is ended.
     """
-    found, remarks = services.analyses.tuning(caller, fit_id, draws=_TUNING_DRAWS, **body.options())
+    found, remarks = services.analyses.tuning(
+        caller, fit_id, draws=_TUNING_DRAWS, is_wanted=is_wanted, **body.options()
+    )
     return TuningOut(tuning=found, remarks=list(remarks))
 
 

@@ -1,4 +1,4 @@
-"""Prediction of a run by a process with resource limits.
+"""Prediction or design of a run, or tuning of a loop, by a process with resource limits.
 
 See `app.analyses.predictor` for the side of the process.
 """
@@ -10,12 +10,17 @@ import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from app.errors import RunRefused, Unavailable
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer
 from app.tables import RunRow
+from identification.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 __all__ = ["Design", "Prediction", "Predictor"]
 
@@ -45,7 +50,7 @@ class Design:
 
 
 class Predictor:
-    """Predictor of runs in child processes of a fork server for `app.analyses.predictor`.
+    """Predictor of runs and loops in child processes of a fork server for `app.analyses.predictor`.
 
     A computation whose answer is no longer wanted is ended.  Each method raises `RunRefused` if the
     computation exceeds the limits or the result or the request does not allow it, and `Unavailable`
@@ -99,6 +104,34 @@ class Predictor:
         if "design" in found:
             return Design(found["design"], table.getvalue().decode())
         raise self._refusal("the next run", found, "design")
+
+    def tune(
+        self,
+        draws: Mapping[str, NDArray[np.float64]],
+        result: Mapping[str, Any],
+        specification: Mapping[str, float],
+        options: Mapping[str, Any],
+        is_wanted: Callable[[], bool] = lambda: True,
+    ) -> Mapping[str, Any]:
+        """Tune a speed loop with draws (n_draw,) and arguments of `identification.tuning.tune`.
+
+        Raises:
+            InputError: The result or an option is not accepted.
+        """
+        task = {
+            "tuning": options,
+            "draws": {name: values.tolist() for name, values in draws.items()},
+            "specification": specification,
+            "result": result,
+        }
+        found = self._fork_server.answer(task, self._limits, None, is_wanted)
+        if "tuning" in found:
+            tuning: Mapping[str, Any] = found["tuning"]
+            return tuning
+        detail = (found.get("error") or {}).get("detail", "memory")
+        if detail != "memory":
+            raise InputError(detail)
+        raise self._refusal("the tuning", found, "tune")
 
     def stop(self) -> None:
         """Stop the fork server."""

@@ -1,4 +1,4 @@
-"""Prediction of one stored run, or design of a further one, in a child process with limits.
+"""Prediction or design of a run, or tuning of a loop, in a child process with limits.
 
 A run file is untrusted, so the server itself never reads it.  See `app.analyses.prediction` for the
 server's side.  Messages, one JSON object per line:
@@ -6,6 +6,7 @@ server's side.  Messages, one JSON object per line:
     {"table": "0.0,0.1,2.0 ..."}          table, if requested, in several messages
     {"prediction": {...}}                 errors and the samples to plot; the last message
     {"design": {...}}                     expected gain of a designed run; the last message
+    {"tuning": {...}}                     content of the file of `motorid tune`; the last message
     {"error": {"detail": "..."}}          the run, the result or the request is not accepted
 """
 
@@ -31,6 +32,7 @@ from identification.reporting.columns import extremes
 from identification.result.entries import finite_or_null
 from identification.result.report_data import RunTraces
 from identification.result.residuals import channel_errors
+from identification.tuning import motor_of, parse_specification, tune
 
 __all__ = ["handle"]
 
@@ -46,12 +48,15 @@ def handle(task: dict[str, Any], answer: int) -> None:
         task: `path`, `name`, `mapping`, `max_rows`, `limits` of the run; `result` as in
             result.json; `declared` for the nominal model; `has_table` to send the table.  For a
             design, `design` holds the options, and there is a result or a nameplate, but no run.
+            For a tuning, `tuning` holds the options of `tune`, and there are `draws`, a
+            `specification` and a result.
         answer: Write end of the pipe to the server.
     """
     confine(ProcessLimits(**task["limits"]))
     answers = Answers(answer)
     try:
-        (_design if "design" in task else _predict)(task, answers)
+        computed = {"design": _design, "tuning": _tune}
+        next((f for name, f in computed.items() if name in task), _predict)(task, answers)
     except IdentificationError as error:
         answers.send({"error": {"detail": str(error)}})
     except MemoryError:
@@ -78,6 +83,12 @@ def _design(task: dict[str, Any], answers: Answers) -> None:
     for first in range(0, len(table), _CHARACTERS):
         answers.send({"table": table[first : first + _CHARACTERS]})
     answers.send({"design": proposal_entry(proposal)})
+
+
+def _tune(task: dict[str, Any], answers: Answers) -> None:
+    motor = motor_of(task["draws"], task["result"])
+    found = tune(motor, parse_specification(task["specification"]), **task["tuning"])
+    answers.send({"tuning": finite_or_null(found)})
 
 
 def _send_table(prediction: pd.DataFrame, answers: Answers) -> None:

@@ -77,16 +77,22 @@ class AnalysisService:
         specification: Mapping[str, float],
         *,
         draws: int,
+        is_wanted: Callable[[], bool] = lambda: True,
         **options: Any,
     ) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-        """Controllers as `identification.tuning.tune` finds them, and limits of the numbers."""
-        from identification.tuning import motor_of, parse_specification, tune
+        """Controllers as `identification.tuning.tune` finds them, and limits of the numbers.
 
-        required = parse_specification(specification)
+        Raises:
+            RunRefused: The computation exceeds the limits.
+        """
+        from identification.tuning import parse_specification
+
+        parse_specification(specification)  # Refuses here what the process would refuse later.
         fit = self.succeeded(caller, fit_id)
         with self._turn():
-            motor = motor_of(self._draws(caller, fit, draws), fit.result or {})
-            found = tune(motor, required, **options)
+            found = self._predictor.tune(
+                self._draws(caller, fit, draws), fit.result or {}, specification, options, is_wanted
+            )
         return found, () if fit.has_posterior else (APPROXIMATE,)
 
     def loop(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request, Response
@@ -44,6 +44,14 @@ _DRAWS = 400
 """Draws of the page, which shall answer while the gains are typed."""
 
 
+def _refusal(problem: str, part: str) -> dict[str, Any]:
+    """Status of a page with a problem, which htmx shows in the place of an answer; or neither."""
+    if not problem:
+        return {}
+    headers = {"HX-Retarget": part, "HX-Reselect": part, "HX-Reswap": "outerHTML"}
+    return {"status": 422, "headers": headers}
+
+
 @router.get("/fits/{fit_id}/loop")
 def loop_page(
     fit_id: str, page: Page, request: Request, services: ServicesDep, caller: CallerDep
@@ -59,11 +67,9 @@ def loop_page(
         shown = loop_view(loop, fit.result or {})
     except InputError as error:
         problem = sentence(str(error))
-    is_part = "hx-request" in request.headers
     return page(
         "loop",
-        # htmx shows the refusal in the place of the step response only if the answer is a success.
-        status=422 if problem and not is_part else 200,
+        **_refusal(problem, "#loop-result"),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         problem=problem,
@@ -73,7 +79,12 @@ def loop_page(
 
 @router.get("/fits/{fit_id}/tuning")
 def tuning_page(
-    fit_id: str, page: Page, request: Request, services: ServicesDep, caller: CallerDep
+    fit_id: str,
+    page: Page,
+    request: Request,
+    services: ServicesDep,
+    caller: CallerDep,
+    is_wanted: IsWanted,
 ) -> HTMLResponse:
     """Form of a specification and, once it is sent, the controller that suits it."""
     fit = services.analyses.succeeded(caller, fit_id)
@@ -82,14 +93,16 @@ def tuning_page(
     try:
         if request.query_params:
             found, remarks = services.analyses.tuning(
-                caller, fit_id, draws=_TUNING_DRAWS, **form.options()
+                caller, fit_id, draws=_TUNING_DRAWS, is_wanted=is_wanted, **form.options()
             )
             shown = tuning_view(found, remarks)
     except InputError as error:
         problem = sentence(str(error))
+    except RunRefused as error:
+        problem = sentence(error.message)
     return page(
         "tuning",
-        status=422 if problem else 200,
+        **_refusal(problem, "#answer"),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         fields=FIELDS,
@@ -168,8 +181,7 @@ def design_page(
     effects = (fit.result or {}).get("effects") or ()
     return page(
         "design",
-        # htmx shows the refusal in the place of the answer only if the answer is a success.
-        status=422 if problem and "hx-request" not in request.headers else 200,
+        **_refusal(problem, "#answer"),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         query=urlencode(request.query_params),

@@ -1,25 +1,27 @@
-"""Page of the next run in a browser: state of the computation, its end, and lost connections."""
+"""Pages of the next run and of a tuning in a browser: computation, end, and lost connections."""
 
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import httpx
 import pytest
 
 from identification.ingest import write_run
 from motorid.client import Client
-from tests.app.browser import BROWSER, needs_browser
+from tests.app.browser import browsing, needs_browser
 from tests.app.service import Server, serving
 from tests.motors import campaign, motor_named
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 pytestmark = needs_browser
 
@@ -44,14 +46,13 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, str]
 def page(fit: tuple[Server, str]) -> Iterator[Page]:
     """Page of the next run."""
     server, fit_id = fit
-    with sync_api.sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
-        opened = browser.new_context().new_page()
-        opened.set_default_timeout(60_000)
-        opened.goto(f"{server.url}/fits/{fit_id}/design")
+    with browsing(f"{server.url}/fits/{fit_id}/design") as opened:
         yield opened
-        browser.close()
+
+
+def ended_requests(server: Server, fit_id: str, kind: str) -> list[dict[str, Any]]:
+    """Entries of the log for computations of a page."""
+    return [e for e in requests_of(server, f"/fits/{fit_id}/{kind}") if e["status"] != 200]
 
 
 def requests_of(server: Server, path: str) -> list[dict[str, Any]]:
@@ -82,28 +83,69 @@ def test_design_is_shown_in_its_place_and_asked_for_once(page: Page) -> None:
 def test_refused_design_leaves_the_form(page: Page) -> None:
     """The sentence stands in the place of the design, and the field keeps its text."""
     page.fill("#limits", "current=x")
-    page.click("form.loop button")
+    with page.expect_response(re.compile("/design[?]")) as answer:
+        page.click("form.loop button")
     page.wait_for_selector("#answer >> text=positive number in A")
 
+    assert answer.value.status == 422
+    assert "limits=current" in page.url
+    assert page.inner_text("#problem") == ""
     assert page.input_value("#limits") == "current=x"
     assert page.is_hidden(".busy")
 
 
-def test_cancelled_design_is_ended_by_the_service(page: Page, fit: tuple[Server, str]) -> None:
+@pytest.mark.parametrize(("kind", "label"), [("design", "Design"), ("tuning", "Compute")])
+def test_cancelled_computation_is_ended_by_the_service(
+    page: Page, fit: tuple[Server, str], kind: str, label: str
+) -> None:
     """Status 400 in the log: the process was killed when the browser closed the request."""
     server, fit_id = fit
-    before = len(requests_of(server, f"/fits/{fit_id}/design"))
+    page.goto(f"{server.url}/fits/{fit_id}/{kind}")
+    before = len(ended_requests(server, fit_id, kind))
     page.click("form.loop button")
     page.click("text=Cancel")
     page.wait_for_selector(".busy", state="hidden")
     deadline = time.monotonic() + 60.0
-    while len(ended := requests_of(server, f"/fits/{fit_id}/design")[before:]) < 1:
+    while len(ended := ended_requests(server, fit_id, kind)[before:]) < 1:
         assert time.monotonic() < deadline
         time.sleep(0.1)
 
     assert [entry["status"] for entry in ended] == [400]
     assert page.inner_text("#problem") == ""
-    assert page.evaluate("document.activeElement.textContent") == "Design"
+    assert page.evaluate("document.activeElement.textContent") == label
+
+
+def test_tuning_that_nobody_waits_for_is_ended(fit: tuple[Server, str]) -> None:
+    """The same by HTTP: the client gives up before the answer."""
+    server, fit_id = fit
+    path = f"/api/v1/fits/{fit_id}/tunings"
+    body = {"specification": {"settling_time": 0.05, "overshoot": 1}, "kinds": ["PID", "PI+FF"]}
+    with pytest.raises(httpx.ReadTimeout):
+        httpx.post(server.url + path, json=body, timeout=0.5)
+    deadline = time.monotonic() + 60.0
+    while not (ended := requests_of(server, path)):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+    assert [entry["status"] for entry in ended] == [400]
+
+
+def test_tuning_is_shown_in_its_place(page: Page, fit: tuple[Server, str]) -> None:
+    """The address has the fields; a refused specification stands in the same place."""
+    server, fit_id = fit
+    page.goto(f"{server.url}/fits/{fit_id}/tuning")
+    page.click("form.loop button")
+    page.wait_for_selector("text=The controller is computed")
+    page.wait_for_selector("#answer >> text=draws meet the specification")
+    focused = page.evaluate("document.activeElement.id")
+    page.fill("#delay", "x")
+    page.click("form.loop button")
+    page.wait_for_selector("#answer >> text=is not a number")
+
+    assert focused == "answer-title"
+    assert "delay=x" in page.url
+    assert page.is_hidden(".busy")
+    assert page.inner_text("#problem") == ""
 
 
 def test_lost_connection_is_said_and_the_form_remains(page: Page) -> None:
