@@ -212,12 +212,15 @@ class AnalysisService:
         return fit
 
     def history(
-        self, caller: Caller, motor: str, *, limit: int
-    ) -> tuple[list[StoredFit], list[Refit]]:
-        """Newest fits of a motor, and the compared parts of the succeeded ones, newest first."""
-        fits, _ = self._fits.page(caller, after=None, limit=limit, motor=motor)
+        self, caller: Caller, motor: str, *, after: str | None = None, limit: int
+    ) -> tuple[list[StoredFit], list[Refit], str | None]:
+        """Page of fits of a motor, newest first, with the cursor of the next page, if any.
+
+        The second value has the compared parts of the succeeded ones.
+        """
+        fits, older = self._fits.page(caller, after=after, limit=limit, motor=motor)
         rows = [fit.row for fit in fits if fit.row.status == "succeeded"]
-        return fits, refits_of(self._storage, rows, {})
+        return fits, refits_of(self._storage, rows, {}), older
 
     @contextmanager
     def _turn(self) -> Iterator[None]:

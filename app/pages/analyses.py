@@ -211,15 +211,19 @@ def motor_page(
     services: ServicesDep,
     caller: CallerDep,
     name: Annotated[str, Query(max_length=200)],
+    after: Annotated[str, Query(max_length=200)] = "",
 ) -> HTMLResponse:
-    """Page of a motor: its fits, and its parameters over them."""
-    fits, refits = services.analyses.history(caller, name, limit=_MOST_FITS)
+    """Page of a motor: its newest fits or those after a cursor, and its parameters over them."""
+    fits, refits, older = services.analyses.history(
+        caller, name, after=after or None, limit=_MOST_FITS
+    )
     shown = [fit_view(FitSummary.of(fit), {}) for fit in fits]
     return page(
         "motor",
         motor=name,
         fits=shown,
-        more=len(fits) == _MOST_FITS,
+        after=after,
+        older=older,
         history=history_view(refits, {fit["id"]: fit["created_at"] for fit in shown}),
     )
 

@@ -56,7 +56,10 @@ def crowd(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Crowd]:
         now = time.time() + 60.0
         with database.writing() as session:
             newer = [fit_row(DEFAULT_WORKSPACE, "succeeded", ended_at=now) for _ in range(FITS)]
-            session.add_all(newer)
+            failed = [fit_row(DEFAULT_WORKSPACE, "failed", ended_at=now) for _ in range(FITS)]
+            for row in failed:
+                row.motor = "servo"
+            session.add_all([*newer, *failed])
         database.close()
         yield Crowd(http, fit, own, other)
 
@@ -101,6 +104,26 @@ def test_prediction_has_the_runs_of_the_motor_and_reaches_older_ones(crowd: Crow
     assert re.search(rf'value="{crowd.own}" selected', second)
     assert "RMSE" not in second, "nothing is predicted while the list is turned"
     assert "Newest runs" in second
+
+
+def test_page_of_a_motor_reaches_its_older_fits(crowd: Crowd) -> None:
+    """The second page has the oldest fit alone, and leads back to the newest ones."""
+    query = {"name": "servo"}
+    first = crowd.http.get("/motor", params=query).text
+    second = crowd.http.get("/motor", params=query | {"after": older(first, "fits")}).text
+
+    assert (fits_of(first), crowd.fit in first) == (FITS, False)
+    assert f"The list shows the newest {FITS} fits." in first
+    assert (fits_of(second), crowd.fit in second) == (1, True)
+    assert "The list shows 1 older fit." in second
+    assert '<input type="hidden" name="name" value="servo">' in second
+    assert "Newest fits" in second
+    assert older(second, "fits") == ""
+
+
+def fits_of(page: str) -> int:
+    """Number of fits in the table of a motor."""
+    return page.count('<th scope="row"><a href="/fits/fit_')
 
 
 def test_short_lists_have_no_buttons(crowd: Crowd) -> None:
