@@ -11,7 +11,15 @@ from app.access.service import Caller
 from app.batches.schemas import BatchCreate, BatchList, BatchOut, BatchResults, BatchSummary
 from app.composition import Services
 from app.errors import NotAcceptable
-from app.http.dependencies import JSON_CALL, After, CallerDep, Limit, RequestKey, ServicesDep
+from app.http.dependencies import (
+    JSON_CALL,
+    After,
+    CallerDep,
+    Limit,
+    Remove,
+    RequestKey,
+    ServicesDep,
+)
 from app.http.headers import FLEET_POLICY
 from app.http.problems import responses
 
@@ -80,9 +88,11 @@ def show_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> Batch
     response_model=BatchOut,
     responses={204: {"description": "The batch had ended and was removed."}, **responses(403, 404)},
 )
-def delete_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> BatchOut | Response:
+def delete_batch(
+    batch_id: str, services: ServicesDep, caller: CallerDep, remove: Remove = True
+) -> BatchOut | Response:
     """Cancel the unfinished fits of a batch; if all have ended, delete the batch with its fits."""
-    batch = services.batches.delete(caller, batch_id)
+    batch = services.batches.delete(caller, batch_id, remove=remove)
     return Response(status_code=204) if batch is None else BatchOut.of(batch)
 
 

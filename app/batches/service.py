@@ -144,17 +144,21 @@ class BatchService:
             listed = select(FitRow).where(FitRow.batch_id == row.id).order_by(FitRow.position)
             return replace(batch, fits=session.scalars(listed).all())
 
-    def delete(self, caller: Caller, batch_id: str) -> StoredBatch | None:
-        """Cancel the unfinished fits of a batch; if all have ended, delete it and return None."""
+    def delete(self, caller: Caller, batch_id: str, *, remove: bool = True) -> StoredBatch | None:
+        """Cancel the unfinished fits of a batch; if all have ended, delete it and return None.
+
+        Without `remove`, an ended batch is returned as it is.
+        """
         with self._database.writing() as session:
             row = queries.known(session, BatchRow, caller.workspace, batch_id)
             cancelled = fits.cancel(session, row.id, time.time(), of_batch=True)
             ids = session.scalars(select(FitRow.id).where(FitRow.batch_id == row.id)).all()
-            if not cancelled:
+            if remove and not cancelled:
                 # The foreign keys delete its fits, too.
                 session.delete(row)
         if cancelled:
             self._supervisor.wake()
+        if cancelled or not remove:
             return self.get(caller, batch_id)
         for fit_id in ids:
             self._storage.remove_fit(fit_id)

@@ -20,6 +20,7 @@ from app.http.dependencies import (
     CallerDep,
     Limit,
     OnlyMotor,
+    Remove,
     RequestKey,
     ServicesDep,
 )
@@ -136,9 +137,11 @@ async def follow_fit(
     response_model=FitOut,
     responses={204: {"description": "The fit had ended and was removed."}, **responses(403, 404)},
 )
-def delete_fit(fit_id: str, services: ServicesDep, caller: CallerDep) -> FitOut | Response:
+def delete_fit(
+    fit_id: str, services: ServicesDep, caller: CallerDep, remove: Remove = True
+) -> FitOut | Response:
     """Cancel an unfinished fit; delete an ended one with its report and posterior."""
-    fit = services.fits.delete(caller, fit_id)
+    fit = services.fits.delete(caller, fit_id, remove=remove)
     return Response(status_code=204) if fit is None else FitOut.of(fit)
 
 

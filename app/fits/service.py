@@ -122,17 +122,21 @@ class FitService:
         with self._database.reading() as session:
             return queries.known(session, FitRow, caller.workspace, fit_id)
 
-    def delete(self, caller: Caller, fit_id: str) -> StoredFit | None:
-        """Cancel an unfinished fit and return it, or delete an ended one and return None."""
+    def delete(self, caller: Caller, fit_id: str, *, remove: bool = True) -> StoredFit | None:
+        """Cancel an unfinished fit and return it, or delete an ended one and return None.
+
+        Without `remove`, an ended fit is returned as it is.
+        """
         with self._database.writing() as session:
             queries.known(session, FitRow, caller.workspace, fit_id)
             is_cancelled = repository.cancel(session, fit_id, time.time())
-            if not is_cancelled:
+            if remove and not is_cancelled:
                 repository.remove(session, fit_id)
         if is_cancelled:
             # The supervisor kills a running attempt and deletes its files.
             self._storage.remove_checkpoints(fit_id)
             self._supervisor.wake()
+        if is_cancelled or not remove:
             return self.get(caller, fit_id)
         self._storage.remove_fit(fit_id)
         return None

@@ -21,6 +21,7 @@ __all__ = [
     "IsWanted",
     "Limit",
     "OnlyMotor",
+    "Remove",
     "RequestKey",
     "ServicesDep",
 ]
@@ -73,6 +74,7 @@ JSON_CALL: dict[str, Any] = {
 After = Annotated[str | None, Query(max_length=200, description="`next` of the previous page.")]
 Limit = Annotated[int, Query(ge=1, le=1000, description="Maximum number of entries on a page.")]
 OnlyMotor = Annotated[str | None, Query(max_length=200, description="Only those of this motor.")]
+Remove = Annotated[bool, Query(description="False: only cancel, and leave what has ended.")]
 RequestKey = Annotated[
     str | None,
     Header(

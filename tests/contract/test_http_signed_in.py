@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.app.browser import BROWSER, needs_browser
+from tests.app.browser import BROWSER, Held, needs_browser
 from tests.app.pretended import FAMILY, SLOW
 from tests.app.service import Caller, Server, make_key, run_text, serving
 
@@ -138,6 +138,22 @@ def test_options_of_a_fit_end_with_the_sign_out(page: Page, caller: Caller, key:
     sign_in(page, key)
 
     assert (other, options(page)) == (defaults, defaults)
+
+
+def test_second_press_while_a_key_is_created_creates_none(page: Page) -> None:
+    """The secret of the first key is shown, and no other key exists."""
+    page.goto("/keys")
+    page.fill("#name", "bench 9")
+    with Held(page, "**/keys", is_answered=True) as answers:
+        page.hover("text=Create key")
+        for _ in range(2):
+            page.mouse.down()
+            page.mouse.up()
+            answers.wait()
+            page.wait_for_timeout(300)
+    page.locator(".secret").wait_for()
+
+    assert page.locator("tbody th", has_text="bench 9").count() == 1
 
 
 def test_page_beyond_the_limit_of_streams_still_shows_the_progress(

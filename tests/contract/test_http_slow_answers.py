@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tests.app.browser import Held, browsing, needs_browser, wait_until_settled
+from tests.app.pretended import SLOW
 from tests.app.service import Caller, Server, empty, run_text, serving
 
 if TYPE_CHECKING:
@@ -190,6 +191,20 @@ def test_second_press_while_the_page_of_a_fit_is_loaded_starts_no_fit(
         page.wait_for_timeout(500)
 
     assert len(list(caller.client.fits())) == 1
+
+
+def test_fit_that_ends_while_it_is_cancelled_remains(page: Page, caller: Caller) -> None:
+    """The page says Cancel; the request reaches the service after the end of the fit."""
+    run = next(iter(caller.client.runs())).id
+    fit = caller.begin(run, seed=SLOW)["id"]
+    page.reload()
+    with Held(page, f"**/fits/{fit}*", "DELETE") as requests:
+        page.click("#work >> text=Cancel")
+        requests.wait()
+        caller.wait(fit)
+    page.locator("#work >> text=Report").wait_for()
+
+    assert caller.fit(fit)["status"] == "succeeded"
 
 
 def test_text_typed_while_another_change_is_answered_remains(page: Page, caller: Caller) -> None:

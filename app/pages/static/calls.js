@@ -87,9 +87,8 @@ async function end(button, path, words, done) {
   if (isRemoval && !confirm(`Remove ${words}?`)) return;
   button.disabled = true;
   try {
-    // DELETE would remove what has ended since this page was loaded.
-    const isOver = !isRemoval && hasEnded((await call("GET", path)).status);
-    if (!isOver) await call("DELETE", path);
+    // What is cancelled here may have ended meanwhile; it is not removed.
+    await call("DELETE", isRemoval ? path : `${path}?remove=false`);
   } catch (error) {
     // 404: removed in another tab.
     if (error.status !== 404) {

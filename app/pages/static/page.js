@@ -46,6 +46,12 @@ document.addEventListener("click", (event) => {
 // Who signs in next in this tab does not get what was typed.
 document.querySelector("form.who")?.addEventListener("submit", () => sessionStorage.clear());
 
+// A form of the browser is sent once, however late its answer comes.
+document.addEventListener("submit", ({ target, submitter }) => {
+  if (target.method === "post" && submitter) setTimeout(() => (submitter.disabled = true));
+});
+window.addEventListener("pageshow", ({ persisted }) => persisted && location.reload());
+
 showLocalTimes(document);
 document.addEventListener("htmx:load", (event) => showLocalTimes(event.detail.elt.parentElement ?? document));
 // A problem ends with the success of what the user does after it.
