@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tests.app.browser import Held, browsing, needs_browser, wait_until_settled
-from tests.app.pretended import SLOW
+from tests.app.pretended import FAMILY, SLOW
 from tests.app.service import Caller, Server, empty, run_text, serving
 
 if TYPE_CHECKING:
@@ -205,6 +205,23 @@ def test_fit_that_ends_while_it_is_cancelled_remains(page: Page, caller: Caller)
     page.locator("#work >> text=Report").wait_for()
 
     assert caller.fit(fit)["status"] == "succeeded"
+
+
+def test_pages_of_fits_leave_connections_to_others(page: Page, caller: Caller) -> None:
+    """A browser has six connections to a service; seven pages watch a fit, and an eighth opens."""
+    fit = caller.begin(next(iter(caller.client.runs())).id, seed=FAMILY)["id"]
+    pages = [page.context.new_page() for _ in range(7)]
+    for one in pages:
+        one.goto(f"{page.url}fits/{fit}")
+        one.wait_for_selector(".state.running")
+    last = page.context.new_page()
+    last.goto(f"{page.url}compare")
+    problems = [one.inner_text("#problem") for one in pages]
+    caller.http.delete(f"/fits/{fit}")
+    for one in pages:
+        one.wait_for_selector(".state.cancelled")
+
+    assert problems == 7 * [""]
 
 
 def test_text_typed_while_another_change_is_answered_remains(page: Page, caller: Caller) -> None:

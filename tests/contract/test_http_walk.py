@@ -270,10 +270,12 @@ def overtake(article: Locator, label: str) -> None:
         article.get_by_label(label).evaluate(
             """async menu => {
               for (const sign of ["-", "+"]) {
+                const sent = new Promise(resolve => {
+                  menu.form.addEventListener("htmx:beforeRequest", resolve, {once: true});
+                });
                 menu.value = sign;
                 menu.dispatchEvent(new Event("change", {bubbles: true}));
-                // The request of the first change is on its way.
-                await new Promise(resolve => setTimeout(resolve, 50));
+                if (sign === "-") await sent;
               }
             }"""
         )
@@ -373,7 +375,7 @@ def cancel_a_fit(walk: Walk) -> None:
     walk.check()
     lose_and_regain_the_service(walk)
     stale = page.context.new_page()
-    stale.route("**/events", lambda route: route.abort())
+    stale.route("**/api/v1/fits/*", fail_reading)
     stale.goto(page.url)
     with page.expect_navigation():
         page.click("text=Cancel")
@@ -383,6 +385,14 @@ def cancel_a_fit(walk: Walk) -> None:
         stale.click("text=Cancel")
     stale.wait_for_selector(".state.cancelled")
     stale.close()
+
+
+def fail_reading(route: Route) -> None:
+    """Abort a request that reads, so that the page stays as it is."""
+    if route.request.method == "GET":
+        route.abort()
+    else:
+        route.fallback()
 
 
 def lose_and_regain_the_service(walk: Walk) -> None:
