@@ -38,7 +38,7 @@ from motorid.errors import (
 from motorid.files import Source, opened, replacing
 from motorid.things import Batch, FitState, Run
 from motorid.transport import Transport, content_of
-from motorid.waiting import Tell, until_cancelled, until_ended
+from motorid.waiting import Tell, until_ended
 
 __all__ = [
     "BadKey",
@@ -335,19 +335,12 @@ class Client:
         return map(Batch.of, self._listed("/batches"))
 
     def cancel(self, fit: FitState | str) -> FitState:
-        """Cancel an unfinished fit; an ended one is left unchanged.
-
-        A fit that ends between the two requests is removed.
-        """
-        return until_cancelled(
-            lambda: self.show_fit(fit), lambda: self._delete_once(f"/fits/{_id(fit)}")
-        )
+        """Cancel an unfinished fit; an ended one is left unchanged."""
+        return FitState.of(self._cancelled(f"/fits/{_id(fit)}"))
 
     def cancel_batch(self, batch: Batch | str) -> Batch:
         """Cancel the unfinished fits of a batch; ended ones are left unchanged."""
-        return until_cancelled(
-            lambda: self.show_batch(batch), lambda: self._delete_once(f"/batches/{_id(batch)}")
-        )
+        return Batch.of(self._cancelled(f"/batches/{_id(batch)}"))
 
     def delete_run(self, run: Run | str) -> None:
         """Remove a run; a missing run is not an error."""
@@ -376,9 +369,8 @@ class Client:
             page = self._get(path, limit=_PAGE, after=page["next"], **parameters)
             yield from page["items"]
 
-    def _delete_once(self, path: str) -> None:
-        # Not repeated: a second call would remove the fit that the first one cancelled.
-        self._transport.call("DELETE", path, repeat=False)
+    def _cancelled(self, path: str) -> dict[str, Any]:
+        return content_of(self._transport.call("DELETE", path, params={"remove": "false"}))
 
     def _deleted(self, path: str) -> None:
         try:

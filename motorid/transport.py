@@ -59,7 +59,6 @@ class Transport:
         path: str,
         *,
         content: Callable[[], AbstractContextManager[dict[str, Any]]] | None = None,
-        repeat: bool = True,
         **words: Any,
     ) -> httpx.Response:
         """Send a call and return its response.
@@ -68,7 +67,6 @@ class Transport:
             method: HTTP method.
             path: Path below ``/api/v1``.
             content: Function that creates the request body, anew for each attempt.
-            repeat: Whether the call may be repeated.
             **words: Further arguments of `httpx.Client.request`.
 
         Raises:
@@ -80,7 +78,7 @@ class Transport:
             with content() if content else nullcontext({}) as more:
                 return self._http.request(method, path, **words, **more)
 
-        return self._answered(send, self._patience_s if repeat else 0.0)
+        return self._answered(send)
 
     def copy(self, path: str, headers: dict[str, str], file: IO[bytes]) -> None:
         """Write the body of a response to a file, block by block.
@@ -100,10 +98,10 @@ class Transport:
                     answer.read()
                 return answer
 
-        self._answered(send, self._patience_s)
+        self._answered(send)
 
-    def _answered(self, send: Callable[[], httpx.Response], patience_s: float) -> httpx.Response:
-        deadline = time.monotonic() + patience_s
+    def _answered(self, send: Callable[[], httpx.Response]) -> httpx.Response:
+        deadline = time.monotonic() + self._patience_s
         tried = 0
         while True:
             tried += 1

@@ -6,18 +6,16 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from motorid.errors import Busy, Unreachable, WaitedTooLong
+from motorid.errors import WaitedTooLong
 from motorid.things import Batch, FitState
-from motorid.transport import pause_s
 
-__all__ = ["Tell", "until_cancelled", "until_ended"]
+__all__ = ["Tell", "until_ended"]
 
 Tell = Callable[[str, float], None]
 """Progress callback with the current stage and the completed fraction."""
 
 _FIRST_LOOK_S = 0.1
 _SLOWEST_LOOK_S = 2.0
-_MOST_TRIES = 5
 
 _Waited = TypeVar("_Waited", FitState, Batch)
 
@@ -57,28 +55,3 @@ def until_ended(
             )
         time.sleep(min(pause, left))
         pause = min(1.3 * pause, _SLOWEST_LOOK_S)
-
-
-def until_cancelled(look: Callable[[], _Waited], cancel: Callable[[], None]) -> _Waited:
-    """Cancel a fit or a batch, poll it until it has ended, and return it.
-
-    Args:
-        look: Function that requests the current state.
-        cancel: Function that sends one cancellation.  If its response is lost, the next state shows
-            the effect.
-
-    Raises:
-        Unreachable: The service did not respond.
-        Busy: The service cannot answer now.
-    """
-    tried = 0
-    while not (now := look()).has_ended:
-        tried += 1
-        try:
-            cancel()
-        except (Unreachable, Busy):
-            if tried == _MOST_TRIES:
-                raise
-        # A batch ends fit by fit; a request right after the call may still see a running one.
-        time.sleep(0.0 if tried == 1 else pause_s(tried))
-    return now
