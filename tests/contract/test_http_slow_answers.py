@@ -128,6 +128,21 @@ def test_role_chosen_during_a_gesture_counts(page: Page) -> None:
     assert roles(page) == chosen
 
 
+def test_gesture_repeated_after_a_role_counts_again(page: Page) -> None:
+    """The second press of the button comes before the answer to the first."""
+    chosen = dict.fromkeys(("run1.csv", "run2.csv", "run3.csv"), "training")
+    with Held(page, "**/choice?*") as requests:
+        page.click("text=All training")
+        requests.wait()
+        page.get_by_label("Role of run2.csv").select_option("")
+        page.click("text=All training")
+        page.wait_for_timeout(300)
+        requests.release()
+    wait_until_settled(page)
+
+    assert roles(page) == chosen
+
+
 def test_fit_started_after_a_gesture_has_its_roles(page: Page, caller: Caller) -> None:
     """The proposal sets one run apart; the fit trains with all three."""
     with Held(page, "**/choice?*") as requests:

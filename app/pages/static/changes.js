@@ -12,7 +12,7 @@ const ACTS = "#fit, #pending-confirm";
 const HAS_OPEN = CSS.supports("selector(select:open)");
 
 const ends = {};
-const waiting = new Set();
+const waiting = [];
 const sending = new Set();
 const stale = new Set();
 let failures = 0;
@@ -43,11 +43,11 @@ export function renew(id) {
 
 /** Whether a change is not sent yet. */
 export function isWaiting() {
-  return waiting.size > 0;
+  return waiting.length > 0;
 }
 
 function isInUse(part) {
-  const isChanged = [...waiting].some((element) => part.contains(element) && !element.matches(ACTS));
+  const isChanged = waiting.some((element) => part.contains(element) && !element.matches(ACTS));
   const isOpen = HAS_OPEN && part.querySelector("select:open") !== null;
   return isChanged || isOpen || part.contains(typed) || part.contains(pressed);
 }
@@ -83,8 +83,12 @@ function sent(element, begin) {
   });
 }
 
+function leave(element) {
+  waiting.splice(waiting.indexOf(element), 1);
+}
+
 async function change(element, issueRequest) {
-  waiting.delete(element);
+  leave(element);
   if (!element.isConnected) return;
   sending.add(element);
   if (!(await sent(element, () => issueRequest(true)))) failures += 1;
@@ -97,15 +101,16 @@ function buttonOf(act) {
 
 /** Starts a fit or adds runs, unless one of the changes before it has failed. */
 async function act(element, failuresBefore) {
-  waiting.delete(element);
+  leave(element);
   // A form is not submitted again while the events of its submission are handled.
   await new Promise((resolve) => setTimeout(resolve));
   // An answer may have replaced it.
-  granted = document.getElementById(element.id);
-  const button = granted && buttonOf(granted);
+  const now = document.getElementById(element.id);
+  const button = now && buttonOf(now);
   if (!button) return;
   button.disabled = button.dataset.new === "0";
-  if (button.disabled || failures !== failuresBefore || !granted.reportValidity()) return;
+  if (button.disabled || failures !== failuresBefore || !now.reportValidity()) return;
+  granted = now;
   const success = sent(granted, () => button.click());
   // After a success another page is loaded, which may take a while.
   button.disabled = true;
@@ -120,9 +125,11 @@ document.addEventListener("htmx:confirm", (event) => {
     return;
   }
   event.preventDefault();
-  // What waits is sent with the values that it has then.
-  if (waiting.has(elt) || (sending.has(elt) && elt.matches("button")) || (question && !confirm(question))) return;
-  waiting.add(elt);
+  // What waits is sent with the values that it has then, and a button in its second press does nothing new;
+  // but the order of a change and another one counts.
+  const isLast = waiting.length > 0 ? waiting.at(-1) === elt : sending.has(elt) && elt.matches("button");
+  if (isLast || (question && !confirm(question))) return;
+  waiting.push(elt);
   if (!elt.matches(ACTS)) {
     inTurn([elt.closest("#fit") && target.id !== "pending" ? "choice" : "pending"], () => change(elt, issueRequest));
     return;
