@@ -86,7 +86,10 @@ def show_batch(batch_id: str, services: ServicesDep, caller: CallerDep) -> Batch
     "/{batch_id}",
     summary="Cancel or remove a batch",
     response_model=BatchOut,
-    responses={204: {"description": "The batch had ended and was removed."}, **responses(403, 404)},
+    responses={
+        204: {"description": "The batch had ended and was removed."},
+        **responses(403, 404, 422),
+    },
 )
 def delete_batch(
     batch_id: str, services: ServicesDep, caller: CallerDep, remove: Remove = True

@@ -135,7 +135,10 @@ async def follow_fit(
     "/{fit_id}",
     summary="Cancel or remove a fit",
     response_model=FitOut,
-    responses={204: {"description": "The fit had ended and was removed."}, **responses(403, 404)},
+    responses={
+        204: {"description": "The fit had ended and was removed."},
+        **responses(403, 404, 422),
+    },
 )
 def delete_fit(
     fit_id: str, services: ServicesDep, caller: CallerDep, remove: Remove = True

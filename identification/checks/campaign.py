@@ -71,7 +71,8 @@ class Verdict:
 def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
-    limits = [(run, current_limit_of(run)) for run in runs]
+    # A held voltage in the place of the current looks like a limit.
+    limits = [(run, None if _is_exchanged(run) else current_limit_of(run)) for run in runs]
     runs = tuple(without_limited(run, limit) for run, limit in limits)
     joints = [(run, joints_of(run)) for run in runs]
     runs = tuple(divided(run, places) for run, places in joints)
@@ -97,6 +98,10 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     found += [limited_finding(run, limit) for run, limit in limits if limit]
     order = {"refuse": 0, "suspect": 1}
     return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])), runs)
+
+
+def _is_exchanged(run: Run) -> bool:
+    return any(identity_findings(run, signals_of(run)))
 
 
 def _sizes(run: Run) -> NDArray[np.float64]:
