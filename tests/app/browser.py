@@ -143,11 +143,11 @@ class Held:
 
 
 def wait_until_settled(page: Page) -> None:
-    """Wait until the answers of all requests of htmx are on a page.
+    """Wait until the answers of all requests of htmx are on a page, and no change waits.
 
     The state "networkidle" of Playwright never comes while a page watches a fit.
     """
-    busy = page.locator(".htmx-request, .htmx-swapping, .htmx-settling")
+    busy = page.locator("[data-busy], .htmx-request, .htmx-swapping, .htmx-settling")
     busy.first.wait_for(state="detached")
 
 

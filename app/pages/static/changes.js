@@ -15,6 +15,7 @@ const ends = {};
 const waiting = [];
 const sending = new Set();
 const stale = new Set();
+let open = 0;
 let failures = 0;
 let granted = null;
 let typed = null;
@@ -25,10 +26,17 @@ export function motor() {
   return document.getElementById("choice-motor")?.value ?? "*";
 }
 
+/** Counts the tasks; while there are any, the document has the attribute `data-busy`. */
+function count(more) {
+  open += more;
+  document.documentElement.toggleAttribute("data-busy", open > 0);
+}
+
 /** Runs a task after those before it that concern one of these lists. */
 export function inTurn(lists, task) {
+  count(1);
   const mine = Promise.all(lists.map((list) => ends[list])).then(task);
-  const end = mine.catch(console.warn).then(() => showStale(lists));
+  const end = mine.catch(console.warn).then(() => showStale(lists)).finally(() => count(-1));
   for (const list of lists) ends[list] = end;
   return mine;
 }
