@@ -19,6 +19,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 from rich.table import Table
 
+from app.commands.exits import raise_missed
 from identification.result.numbers import (
     UNKNOWN,
     Interval,
@@ -62,9 +63,12 @@ _FILES = {"result": "result.json", "posterior": "posterior.nc", "report": "repor
 
 @contextmanager
 def progress_bar(quiet: bool) -> Iterator[Progress]:
-    """Show a progress bar on standard error during the block, if not quiet and a terminal."""
+    """Show a progress bar on standard error during the block, if not quiet and a terminal.
+
+    Each progress raises an interruption that was lost.
+    """
     if quiet or not sys.stderr.isatty():
-        yield lambda stage, share: None
+        yield lambda stage, share: raise_missed()
         return
     columns = (
         TextColumn("{task.description:<22}"),
@@ -74,9 +78,12 @@ def progress_bar(quiet: bool) -> Iterator[Progress]:
     )
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=1.0)
-        yield lambda stage, share: bar.update(
-            task, description=_STAGES.get(stage, stage), completed=share
-        )
+
+        def show(stage: str, share: float) -> None:
+            raise_missed()
+            bar.update(task, description=_STAGES.get(stage, stage), completed=share)
+
+        yield show
 
 
 @dataclass(frozen=True)

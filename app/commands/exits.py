@@ -30,6 +30,7 @@ __all__ = [
     "Terminated",
     "failed",
     "prepare_streams",
+    "raise_missed",
     "raised_signals",
 ]
 
@@ -83,6 +84,19 @@ class CaughtSignals:
         raise self.raised
 
 
+_listening: list[CaughtSignals] = []
+
+
+def raise_missed() -> None:
+    """Raise the exception of a received signal again.
+
+    Python ignores an exception in a finalizer or a callback, and a signal may come during one.
+    """
+    for came in _listening:
+        if came.raised is not None:
+            raise came.raised
+
+
 class CommandGroup(typer.core.TyperGroup):
     """Command group that leaves interruptions to `main`."""
 
@@ -106,9 +120,11 @@ def raised_signals() -> Iterator[CaughtSignals]:
     ours = [n for n, handler in before.items() if is_main and handler in _DEFAULTS]
     for number in ours:
         signal.signal(number, came.end)
+    _listening.append(came)
     try:
         yield came
     finally:
+        _listening.remove(came)
         # A second signal during the cleanup ends the process at once.
         for number in ours:
             signal.signal(number, before[number])

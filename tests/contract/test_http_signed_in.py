@@ -76,6 +76,11 @@ def options(page: Page) -> dict[str, str]:
     return {name: page.input_value(f"#start [name={name}]") for name in OPTIONS}
 
 
+def wait_until_restored(page: Page) -> None:
+    """Wait until the page has put back the options that it had kept."""
+    page.locator("#start[data-is-restored]").wait_for()
+
+
 def test_options_of_a_fit_outlive_the_session(page: Page, caller: Caller, key: str) -> None:
     """They are there after the next sign-in, and the key is in no storage of the browser."""
     caller.upload(run_text(1))
@@ -90,6 +95,7 @@ def test_options_of_a_fit_outlive_the_session(page: Page, caller: Caller, key: s
     page.click("text=Start fit")
     page.wait_for_url("**/login?ended")
     sign_in(page, key)
+    wait_until_restored(page)
 
     assert options(page) == OPTIONS
     assert not page.is_checked("[name=posterior]")
@@ -98,6 +104,7 @@ def test_options_of_a_fit_outlive_the_session(page: Page, caller: Caller, key: s
     with page.expect_navigation():
         page.click("text=Start fit")
     page.goto("/")
+    wait_until_restored(page)
     assert options(page) == OPTIONS, "the motor is fitted again after a refused fit"
     caller.upload(run_text(6), motor="another")
     page.goto("/")

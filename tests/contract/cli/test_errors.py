@@ -16,7 +16,8 @@ import pytest
 
 from app.cli import main
 from app.commands import motor
-from app.commands.exits import EXIT_STATUS
+from app.commands.console import progress_bar
+from app.commands.exits import EXIT_STATUS, raised_signals
 from identification.errors import ComputationError
 
 ROOT = Path(__file__).parents[3]
@@ -261,6 +262,24 @@ def test_closed_output_pipe_is_status_1_and_one_line() -> None:
     told = process.stderr.read()
     process.stderr.close()
     assert (status, told) == (1, "motorid: the reader closed the output pipe\n")
+
+
+class Finalized:
+    """Object during whose finalizer the user presses Ctrl-C."""
+
+    def __del__(self) -> None:
+        """Python prints what is raised here, and goes on."""
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_interruption_of_a_finalizer_is_not_lost() -> None:
+    """The next progress of the fit raises it again."""
+    with raised_signals(), progress_bar(quiet=True) as progress:
+        progress("fit", 0.1)
+        Finalized()
+        with pytest.raises(KeyboardInterrupt):
+            progress("fit", 0.2)
 
 
 def test_interrupted_fit_is_status_130_and_one_line(run_files: list[Path], tmp_path: Path) -> None:
