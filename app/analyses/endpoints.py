@@ -33,7 +33,7 @@ _TUNING_DRAWS = 200
 
 @dataclass(frozen=True)
 class _Prediction:
-    """What both endpoints of a prediction take."""
+    """Parameters of both endpoints of a prediction."""
 
     caller: CallerDep
     fit_id: str

@@ -24,7 +24,12 @@ from identification.checks.finding import Finding
 from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
-from identification.checks.limited import current_limit_of, limited_finding, without_limited
+from identification.checks.limited import (
+    CurrentLimit,
+    current_limit_of,
+    limited_finding,
+    without_limited,
+)
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
 from identification.checks.supply import supply_current_findings
@@ -71,8 +76,7 @@ class Verdict:
 def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
-    # A held voltage in the place of the current looks like a limit.
-    limits = [(run, None if _is_exchanged(run) else current_limit_of(run)) for run in runs]
+    limits = [(run, _limit_of(run)) for run in runs]
     runs = tuple(without_limited(run, limit) for run, limit in limits)
     joints = [(run, joints_of(run)) for run in runs]
     runs = tuple(divided(run, places) for run, places in joints)
@@ -100,8 +104,10 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])), runs)
 
 
-def _is_exchanged(run: Run) -> bool:
-    return any(identity_findings(run, signals_of(run)))
+def _limit_of(run: Run) -> CurrentLimit | None:
+    """Limit of the current, unless a held voltage in its place looks like one."""
+    limit = current_limit_of(run)
+    return None if limit and any(identity_findings(run, signals_of(run))) else limit
 
 
 def _sizes(run: Run) -> NDArray[np.float64]:

@@ -181,7 +181,7 @@ def refined(
 def doublings(
     substeps: Substeps, errors: Array, tolerance: Array, most: int = MOST_SUBSTEPS
 ) -> NDArray[np.int64]:
-    """How many times each substep has to be halved, (n_row,), up to three.
+    """Number of halvings of each substep, (n_row,), at most three.
 
     The errors (n_row, n_channel) of each substep share the tolerance of their sample interval.  A
     substep may have an equal part of it for each substep over which the error is spread: if all

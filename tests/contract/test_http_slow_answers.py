@@ -60,6 +60,13 @@ def roles(page: Page) -> dict[str, str]:
     return dict(zip(names, (menu.input_value() for menu in menus), strict=True))
 
 
+def roles_before_and_after_a_reload(page: Page) -> tuple[dict[str, str], dict[str, str]]:
+    """Roles as the page shows them and as the service has them."""
+    before = roles(page)
+    page.reload()
+    return before, roles(page)
+
+
 def press(page: Page, click: int = 1) -> None:
     """Press the mouse where it is, with this number of clicks in a row."""
     page.mouse.down(click_count=click)
@@ -104,11 +111,8 @@ def test_two_roles_chosen_one_after_the_other_both_count(page: Page) -> None:
         page.wait_for_timeout(300)
         answers.release()
     wait_until_settled(page)
-    before = roles(page)
-    page.reload()
 
-    assert before == chosen
-    assert roles(page) == chosen
+    assert roles_before_and_after_a_reload(page) == (chosen, chosen)
 
 
 def test_role_chosen_during_a_gesture_counts(page: Page) -> None:
@@ -121,11 +125,8 @@ def test_role_chosen_during_a_gesture_counts(page: Page) -> None:
         page.wait_for_timeout(300)
         requests.release()
     wait_until_settled(page)
-    before = roles(page)
-    page.reload()
 
-    assert before == chosen
-    assert roles(page) == chosen
+    assert roles_before_and_after_a_reload(page) == (chosen, chosen)
 
 
 def test_gesture_repeated_after_a_role_counts_again(page: Page) -> None:
