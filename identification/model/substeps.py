@@ -183,14 +183,15 @@ def doublings(
 ) -> NDArray[np.int64]:
     """Number of halvings of each substep, (n_row,), at most three.
 
-    The errors (n_row, n_channel) of each substep share the tolerance of their sample interval.  A
-    substep may have an equal part of it for each substep over which the error is spread: if all
-    errors are equal, for each one; if one substep has the whole error, that one alone.
+    The errors (n_row, n_channel) of each substep share the tolerance of their sample interval,
+    which is divided until their sum is below it and no further.  The allowed error of a substep is
+    the tolerance over the number n = (sum r)^2 / sum r^2 of substeps that have the error, r being
+    the errors over the tolerance.  Since sum r^2 <= max r sum r, the largest one is halved whenever
+    sum r > 1.
     """
     ratio = np.max(np.abs(errors) / tolerance, axis=1)
     ratio = np.where(np.isfinite(ratio), np.minimum(ratio, _UNRESOLVED), _UNRESOLVED)
     total, squares = (np.add.reduceat(each, substeps.first_rows) for each in (ratio, ratio**2))
-    # The participation ratio is the number of substeps with most of the error.
     spread = np.where(total > 1.0, total**2 / np.maximum(squares, 1e-300), 0.0)
     excess = ratio * np.repeat(spread, substeps.counts)
     # An error falls as 1/n at a kink and as 1/n^3 elsewhere.  The exponent 2 is a compromise; the

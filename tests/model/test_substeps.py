@@ -84,22 +84,44 @@ def test_only_reversals_are_divided_for_dry_friction() -> None:
     assert fine.substeps[0].counts.mean() < 2.0
 
 
-def test_substeps_converge_to_the_finest_division() -> None:
-    """Reference: every interval divided into the largest number of substeps."""
+@pytest.mark.parametrize("share", [1e-3, 1e-4])
+def test_the_error_is_at_most_one_tolerance_for_each_divided_interval(share: float) -> None:
+    """Each interval keeps its tolerance, and friction lets no error grow.
+
+    Reference: every interval divided into sixteen times the largest number of substeps.
+    """
     records = tuple(records_of([driven(SERVO, ROWS, seed=5, warming=0.0)]))
     rated = SERVO.voltage / SERVO.values[2]
     model = MotorModel(hold="foh").adding(CoulombFriction(0.1, 3e-3 * rated))
     values = np.concatenate([SERVO.vector, [0.05 * SERVO.values[2], 0.0]])
     simulator = Simulator.fitting(model, records, values)
-    exact = replace(simulator, substeps=evenly([ROWS], MOST_SUBSTEPS))
+    exact = replace(simulator, substeps=evenly([ROWS], 16 * MOST_SUBSTEPS))
     reference = exact.logged(values[:, None], [START])[0]
+    tolerance = share * np.array([1e-2, 1e-3 * rated])
 
-    def error(share: float) -> float:
-        fine = simulator.with_tolerance(values, [START], share * np.array([1e-2, 1e-3 * rated]))
-        return float(np.abs(fine.logged(values[:, None], [START])[0] - reference)[:, 1].max())
+    fine = simulator.with_tolerance(values, [START], tolerance)
 
-    assert error(1e-4) < 0.03 * error(10.0)
-    assert error(1e-3) < 1e-4 * rated
+    assert fine.substeps is not None
+    divisions = int(np.sum(fine.substeps[0].counts > 1))
+    error = np.abs(fine.logged(values[:, None], [START])[0] - reference)[:, :, 0].max(axis=0)
+    whole = np.abs(simulator.logged(values[:, None], [START])[0] - reference)[:, 1].max()
+    assert error[1] < divisions * tolerance[1] < whole
+
+
+def test_an_interval_is_divided_while_the_sum_of_its_errors_exceeds_its_tolerance() -> None:
+    """By the inequality of the docstring, for any distribution of the error over the substeps."""
+    rng = np.random.default_rng(8)
+    substeps = Substeps.even(rng.integers(1, 9, 2000))
+    errors = np.exp(3.0 * rng.standard_normal((substeps.rows, 2)) - 3.0)
+
+    times = doublings(substeps, errors, np.ones(2))
+
+    largest = errors.max(axis=1)
+    sums = np.add.reduceat(largest, substeps.first_rows)
+    tops = largest == np.repeat(np.maximum.reduceat(largest, substeps.first_rows), substeps.counts)
+    np.testing.assert_array_equal(times[tops] > 0, sums > 1.0)
+    assert 0.2 < np.mean(sums > 1.0) < 0.8
+    assert np.all(times[np.repeat(sums <= 1.0, substeps.counts)] == 0)
 
 
 def test_only_the_part_of_an_interval_around_a_reversal_is_divided() -> None:
