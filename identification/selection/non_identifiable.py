@@ -152,9 +152,8 @@ def _widths(term: AbstractCurve, fit: Fit) -> tuple[float, ...]:
     """Prior standard deviation of each linear part, zero if identifiable [N m] or [V]."""
     values = fit.by_name
     heights = np.array([values[f"unlisted.height_{k}"] for k in range(1, HEIGHTS + 1)])
-    columns, regressors = sampled(term, fit.simulator.records)
-    size = float(np.sqrt(np.mean((columns @ heights) ** 2)))
-    basis = columns + regressors[:, :2] @ np.array(term.imitated).T
+    basis, regressors = sampled(replace(term, removed=()), fit.simulator.records)
+    size = float(np.sqrt(np.mean((basis @ term.kept @ heights) ** 2)))
     most = {
         ("electrical", "current"): values["Ra25"] * term.current,
         ("electrical", "speed"): values["Kt25"] * term.speed,

@@ -2,8 +2,8 @@
 
 A *curve* is a cubic spline with free coefficients in the electrical or mechanical equation; over
 the shaft angle it is a Fourier series.  It may be multiplied by a second signal, the carrier:
-friction that grows with the load is a curve in the magnitude of the current, carried by the
-direction of the motion.
+friction that grows with the load is a curve in the magnitude of the torque of the motor, carried by
+the direction of the motion.
 
 Source: Eilers and Marx, Statistical Science 11 (1996), 89-121 (B-splines on equidistant knots).
 """
@@ -21,6 +21,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.effects.effect import AbstractForced, Scope
 from identification.effects.parameters import amplitude
+from identification.model.declared import coefficient_at
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.pointwise import values_at
@@ -44,16 +45,17 @@ REGRESSORS: Final = ("current", "speed", "voltage")
 class AbstractCurve(AbstractForced):
     """Cubic B-spline in one signal, times a carrier.
 
-        term = -sum_k h_k (B_k(z) c - a_k . r) - l . r
+        term = -sum_k g_k B_k(z) c - l . r,      g = h - sum_j (a_j . h) s_j
 
     Here z is the signal x, compressed as asinh(x / zero) unless it is in `STRAIGHT`, c the carrier,
-    h_k the spline coefficients, r the regressors of the nominal parameters (current, speed and, for
-    l only, voltage, each over its scale), and a_k the part of a basis function that is collinear
-    with r.
+    h the spline coefficients and r the regressors of the nominal parameters (current, speed and
+    voltage, each over its scale).  Each s_j is a combination of current and speed, written as a
+    spline, and a_j . h is the amount of it in the curve.  Coefficients along s_j have no effect, so
+    only their prior determines them.
     """
 
     along: str
-    """Name of the signal."""
+    """Name of the signal; the torque of the motor is that over Kt25 [A]."""
     carrier: str
     """Empty, ``direction`` of the motion, ``speed`` or ``current``."""
     size: float
@@ -71,8 +73,10 @@ class AbstractCurve(AbstractForced):
     starts: tuple[float, ...] = ()
     """Start time of each run and end time of the last run, on a clock that adds up the durations of
     the runs [s].  A local curve is zero in later runs."""
-    imitated: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * HEIGHTS
-    """For each basis function the coefficients a_k of current and speed [-]."""
+    removed: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
+    """Pairs (s_j, a_j) of coefficients of the basis functions [-]."""
+    warming: float = 0.0
+    """alpha_Kt with which a curve over the torque is scored; the simulation uses its own [1/K]."""
     linear: tuple[float, ...] = ()
     """Prior standard deviations of l for current, speed and voltage; a part is absent if its entry
     is zero or the tuple is empty [N m] or [V]."""
@@ -109,6 +113,7 @@ class AbstractCurve(AbstractForced):
     def drivers(self) -> tuple[str, ...]:
         """Signals of the curve and then of the carrier; a current as the carrier comes first."""
         along = self.along.removeprefix("size of ").removesuffix(" in the run")
+        along = "current" if along == "torque" else along
         carried = {"": (), "direction": ("speed",), "speed": ("speed",), "current": ("current",)}
         others = carried[self.carrier]
         both = (*others, along) if self.carrier == "current" else (along, *others)
@@ -137,13 +142,12 @@ class AbstractCurve(AbstractForced):
 
     def missing(self, signals: Signals, values: Values) -> Expression:
         """The torque [N m] or voltage [V]."""
-        ratio = ca.vertcat(signals.current / self.current, signals.speed / self.speed)
-        along = self.along_of(signals)
-        carrier = self.carrier_of(signals)
-        total = ca.SX(0)
-        for k, hat in enumerate(self.basis_of(along)):
-            imitated = ca.dot(ca.DM(list(self.imitated[k])), ratio)
-            total = total + getattr(values, f"height_{k + 1}") * (hat * carrier - imitated)
+        heights = ca.vertcat(*[getattr(values, f"height_{k}") for k in range(1, HEIGHTS + 1)])
+        kept = heights
+        for line, amount in self.removed:
+            kept = kept - ca.DM(line) * ca.dot(ca.DM(amount), heights)
+        basis = self.basis_of(self.along_of(signals, values.alpha_Kt))
+        total = ca.dot(kept, ca.vertcat(*basis)) * self.carrier_of(signals)
         sizes = {"current": self.current, "speed": self.speed, "voltage": self.size}
         for name, _ in self._free():
             total = total + getattr(values, f"linear_{name}") * getattr(signals, name) / sizes[name]
@@ -152,10 +156,21 @@ class AbstractCurve(AbstractForced):
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
         return -self.columns(record, current, speed) @ starts
 
-    def columns(self, record: Record, current: Array, speed: Array) -> Array:
-        """Basis functions times carrier, without collinear part, (n_sample, n_coefficient) [-]."""
+    @property
+    def kept(self) -> Array:
+        """Matrix of g over h, (n_coefficient, n_coefficient) [-]."""
+        lines = [np.outer(line, amount) for line, amount in self.removed]
+        return np.asarray(np.eye(HEIGHTS) - np.sum(lines, axis=0) if lines else np.eye(HEIGHTS))
+
+    def drawn(self, record: Record, current: Array, speed: Array) -> tuple[Array, Array]:
+        """Compressed signal [-] and carrier [-] along a trajectory, each (n_sample,)."""
         others = [record.column(name) for name in _SIGNALS[2:]]
         drawn, carried = values_at(_drawn(self), np.column_stack([current, speed, *others])).T
+        return drawn, carried
+
+    def columns(self, record: Record, current: Array, speed: Array) -> Array:
+        """Basis functions times carrier, without collinear part, (n_sample, n_coefficient) [-]."""
+        drawn, carried = self.drawn(record, current, speed)
         if self.along == "position":
             x = ca.SX.sym("x")
             basis = ca.Function("basis", [x], [ca.vertcat(*self.basis_of(x))])
@@ -165,8 +180,7 @@ class AbstractCurve(AbstractForced):
             hats = np.column_stack([np.interp(drawn, grid, hat) for hat in table])
             for k, slope in [] if self.along in STRAIGHT else self._ends(drawn):
                 hats[:, k] += slope
-        imitated = np.array(self.imitated) @ np.array([current / self.current, speed / self.speed])
-        return np.asarray(hats * carried[:, None] - imitated.T)
+        return np.asarray(hats * carried[:, None] @ self.kept)
 
     def grid(self, points: int) -> Array:
         """(n_point,) values of the signal in its unit, evenly spaced after compression."""
@@ -181,17 +195,11 @@ class AbstractCurve(AbstractForced):
         drawn = x
         if self.along not in STRAIGHT:
             drawn = ca.log(x / self.zero + ca.sqrt((x / self.zero) ** 2 + 1))
-        share = {"current": (1 / self.current, 0), "speed": (0, 1 / self.speed)}
-        own = share.get(self.along, (0, 0))
-        basis = [
-            hat - (a * own[0] + b * own[1]) * x
-            for hat, (a, b) in zip(self.basis_of(drawn), self.imitated, strict=True)
-        ]
-        function = ca.Function("shapes", [x], [ca.vertcat(*basis)])
-        return np.asarray(function(grid[None, :])).T
+        function = ca.Function("shapes", [x], [ca.vertcat(*self.basis_of(drawn))])
+        return np.asarray(np.asarray(function(grid[None, :])).T @ self.kept)
 
-    def along_of(self, signals: Signals) -> Expression:
-        """The signal, compressed by asinh unless it is in `STRAIGHT`."""
+    def along_of(self, signals: Signals, warming: Expression) -> Expression:
+        """The signal, compressed by asinh unless it is in `STRAIGHT`, at alpha_Kt [1/K]."""
         if self.along == "time":
             before = ca.SX(0)
             for run, start in enumerate(self.starts):
@@ -202,7 +210,11 @@ class AbstractCurve(AbstractForced):
             return signals.time
         if self.along == "position":
             return signals.angle
-        value = getattr(signals, self.along.removeprefix("size of "))
+        name = self.along.removeprefix("size of ")
+        if name == "torque":
+            value = coefficient_at(1.0, warming, signals.temperature) * signals.current
+        else:
+            value = getattr(signals, name)
         if self.along.startswith("size of "):
             value = ca.sqrt(value * value + (0.1 * self.zero) ** 2)
         if self.along not in ("temperature",):
@@ -254,7 +266,7 @@ def _drawn(term: AbstractCurve) -> ca.Function:
     """Compressed signal and carrier as a function of `_SIGNALS`."""
     symbols = {name: ca.SX.sym(name) for name in _SIGNALS}
     signals = Signals(**symbols, peak_temperature=ca.SX(0))
-    both = ca.vertcat(term.along_of(signals), term.carrier_of(signals))
+    both = ca.vertcat(term.along_of(signals, term.warming), term.carrier_of(signals))
     return ca.Function("drawn", [ca.vertcat(*symbols.values())], [both])
 
 

@@ -25,7 +25,7 @@ from identification.model.excitation import Record
 from identification.model.term import AbstractTorque, AbstractVoltage, Expression, Signals, Values
 from identification.surrogates.curve import HEIGHTS, AbstractCurve
 
-__all__ = ["MissingTorque", "MissingVoltage", "imitated", "is_formed", "sampled"]
+__all__ = ["MissingTorque", "MissingVoltage", "collinear", "is_formed", "sampled"]
 
 _NEAR_ZERO: Final = 0.15
 _LOOKED_AT: Final = 500
@@ -60,7 +60,7 @@ class MissingTorque(_Missing, AbstractTorque):
         ("position", ""),
         ("temperature", ""),
         ("time", ""),
-        ("size of current", "direction"),
+        ("size of torque", "direction"),
         ("temperature", "direction"),
         ("time", "direction"),
         ("time in the run", "direction"),
@@ -103,25 +103,24 @@ def _curve(
         return None
     if along == "temperature" and scales.heated < 5.0:
         return None
-    signal = along.removeprefix("size of ")
-    logged = {"current": scales.current, "speed": scales.speed, "voltage": scales.voltage}
-    zero = _NEAR_ZERO * logged.get(signal, 1.0)
+    logged = {"speed": scales.speed, "voltage": scales.voltage}
+    logged |= dict.fromkeys(("current", "torque"), scales.current)
+    zero = _NEAR_ZERO * logged.get(along.removeprefix("size of "), 1.0)
     runs = _lengths(scales.records)
     starts = tuple(float(s) for s in np.concatenate([[0.0], np.cumsum(runs)]))
+    sizes = zero, scales.speed, scales.current
+    warming = scales.nominal("alpha_Kt")
+    term = kind(along, carrier, size, 0.0, 1.0, *sizes, starts, warming=warming)
     if along == "position":
         lower, upper = 0.0, 2 * np.pi
     elif along.startswith("time"):
         lower, upper = 0.0, float(np.sum(runs) if along == "time" else np.max(runs))
     else:
-        seen = np.concatenate([_logged(record, signal) for record in scales.records])
-        if along.startswith("size of "):
-            seen = np.abs(seen)
-        drawn = seen if along == "temperature" else np.arcsinh(seen / zero)
-        lower, upper = (float(q) for q in np.quantile(drawn, (0.001, 0.999)))
+        drawn = [term.drawn(record, *record.measured.T)[0] for record in scales.records]
+        lower, upper = (float(q) for q in np.quantile(np.concatenate(drawn), (0.001, 0.999)))
     if not upper > lower:
         return None
-    sizes = size, lower, upper, zero, scales.speed, scales.current
-    return _without_imitated(kind(along, carrier, *sizes, starts), scales)
+    return _without_collinear(replace(term, lower=lower, upper=upper), scales)
 
 
 def _lengths(records: tuple[Record, ...]) -> Array:
@@ -133,14 +132,8 @@ def _lengths(records: tuple[Record, ...]) -> Array:
     return lengths
 
 
-def _logged(record: Record, signal: str) -> Array:
-    if signal in ("current", "speed"):
-        return record.measured[:, 0 if signal == "current" else 1]
-    return record.column(signal)
-
-
-def _without_imitated(term: AbstractCurve, scales: CampaignScales) -> AbstractCurve:
-    """The curve without the part of each basis function that is collinear with current or speed.
+def _without_collinear(term: AbstractCurve, scales: CampaignScales) -> AbstractCurve:
+    """The curve without the directions that are collinear with current or speed.
 
     A curve in voltage may be collinear with both, since v is nearly Ra i + Kt w.
     """
@@ -149,9 +142,9 @@ def _without_imitated(term: AbstractCurve, scales: CampaignScales) -> AbstractCu
     if not places:
         return term
     columns, regressors = sampled(term, scales.records)
-    shares = np.zeros((HEIGHTS, 2))
-    shares[:, places] = imitated(columns, regressors[:, places])
-    return replace(term, imitated=tuple((float(a), float(b)) for a, b in shares))
+    lines, amounts = collinear(columns, regressors[:, places])
+    pairs = zip(lines.T.tolist(), amounts.tolist(), strict=True)
+    return replace(term, removed=tuple((tuple(line), tuple(amount)) for line, amount in pairs))
 
 
 def sampled(term: AbstractCurve, records: Sequence[Record]) -> tuple[Array, Array]:
@@ -169,17 +162,21 @@ def sampled(term: AbstractCurve, records: Sequence[Record]) -> tuple[Array, Arra
     return np.concatenate(columns), np.concatenate(regressors)
 
 
-def imitated(basis: Array, signals: Array) -> Array:
-    """Coefficients (n_function, n_signal) of signals in basis functions along shared directions.
+def collinear(basis: Array, signals: Array) -> tuple[Array, Array]:
+    """Directions of a basis (n_sample, n_function) that signals (n_sample, n_signal) share.
 
-    The basis is (n_sample, n_function), the signals (n_sample, n_signal) are linearly independent.
+    The signals are linearly independent.
+
+    Returns:
+        (n_function, n_shared) coefficients of the directions, as close to the span of the signals
+        as the basis allows, and (n_shared, n_function) the least-squares amount of each direction
+        in each basis function.  The amount of each direction in itself is one.
     """
-    own, triangle = np.linalg.qr(signals)
-    cosines = _orthonormal(basis).T @ own
-    _, cosine, directions = np.linalg.svd(cosines, full_matrices=False)
-    shared = directions[cosine**2 > _SAME]
-    inside = (basis.T @ own) @ shared.T @ shared
-    return np.asarray(np.linalg.lstsq(triangle, inside.T, rcond=_SEEN)[0].T)
+    own = np.linalg.qr(signals)[0]
+    cosine, directions = np.linalg.svd(_orthonormal(basis).T @ own, full_matrices=False)[1:]
+    shared = own @ directions[cosine**2 > _SAME].T
+    lines = np.linalg.lstsq(basis, shared, rcond=_SEEN)[0]
+    return lines, np.linalg.lstsq(basis @ lines, basis, rcond=_SEEN)[0]
 
 
 def is_formed(basis: Array, signal: Array) -> bool:

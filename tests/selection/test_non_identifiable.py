@@ -29,7 +29,7 @@ from identification.selection.omitted import consider_variances
 from identification.selection.refit import refined, refitted_with
 from identification.selection.start import Start
 from identification.surrogates.curve import HEIGHTS, AbstractCurve
-from identification.surrogates.curves import MissingTorque, MissingVoltage, imitated, is_formed
+from identification.surrogates.curves import MissingTorque, MissingVoltage, collinear, is_formed
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 
@@ -103,8 +103,13 @@ def test_a_parameter_that_a_curve_cannot_form_stays_in_it() -> None:
 
     assert is_formed(smooth, x)
     assert not is_formed(steps, x)
-    np.testing.assert_allclose(imitated(smooth, x[:, None])[:, 0], [0, 1, 0, 0.6], atol=0.01)
-    np.testing.assert_array_equal(imitated(steps, x[:, None]), 0.0)
+    (line,), (amount,) = (
+        part.T if part.shape[1] == 1 else part for part in collinear(smooth, x[:, None])
+    )
+    np.testing.assert_allclose(line / line[1], [0, 1, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(amount / amount[1], [0, 1, 0, 0.6], atol=0.01)
+    assert line @ amount == pytest.approx(1.0)
+    assert collinear(steps, x[:, None])[0].size == 0
 
 
 def test_of_two_signals_only_the_combination_that_is_formed_is_taken() -> None:
@@ -113,10 +118,12 @@ def test_of_two_signals_only_the_combination_that_is_formed_is_taken() -> None:
     one, other = rng.standard_normal((2, 5000))
     basis = np.column_stack([one + other, (one + other) ** 3])
 
-    shares = imitated(basis, np.column_stack([one, other]))
+    lines, amounts = collinear(basis, np.column_stack([one, other]))
 
-    np.testing.assert_allclose(shares[:, 0], shares[:, 1], rtol=0.05)
-    np.testing.assert_allclose(shares[0], 1.0, rtol=0.05)
+    kept = basis - basis @ lines @ amounts
+    assert lines.shape == (2, 1)
+    np.testing.assert_allclose(kept[:, 0], 0.0, atol=1e-9)
+    assert abs(np.corrcoef(kept[:, 1], one - other)[0, 1]) < 0.05
 
 
 @pytest.mark.parametrize(
@@ -124,7 +131,7 @@ def test_of_two_signals_only_the_combination_that_is_formed_is_taken() -> None:
     [
         (EffectRequest("square_voltage_loss", 0.05), "current", "", "electrical", "Ra25"),
         (EffectRequest("rub_above_speed", 0.1), "speed", "", "mechanical", "b"),
-        (EffectRequest("load_dependent_friction", 0.1), "size of current", "direction",
+        (EffectRequest("load_dependent_friction", 0.1), "size of torque", "direction",
          "mechanical", ""),
     ],
 )  # fmt: skip
@@ -168,7 +175,7 @@ def with_friction(curve: EffectRequest, along: str, carrier: str) -> tuple[Fit, 
 def test_a_friction_that_a_curve_contains_is_not_identified_and_their_sum_is() -> None:
     """A constant friction is the sum of all splines over the load, times the sign of the speed."""
     fit, torque = with_friction(
-        EffectRequest("load_dependent_friction", 0.1), "size of current", "direction"
+        EffectRequest("load_dependent_friction", 0.1), "size of torque", "direction"
     )
 
     (found,) = collinear_sizes(fit)

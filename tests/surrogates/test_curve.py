@@ -27,7 +27,7 @@ def term() -> MissingTorque:
     for candidate in MissingTorque.candidates(scales_of(fit)):
         found = candidate.term
         if isinstance(found, MissingTorque) and (found.along, found.carrier) == ("speed", ""):
-            return replace(found, imitated=((0.0, 0.0),) * HEIGHTS)
+            return replace(found, removed=())
     raise AssertionError("no curve in the speed")
 
 
@@ -36,7 +36,7 @@ def basis(term: MissingTorque, speed: Array) -> Array:
     w = ca.SX.sym("w")
     none = [ca.SX(0)] * 6
     signals = Signals(none[0], w, *none)
-    function = ca.Function("b", [w], [ca.vertcat(*term.basis_of(term.along_of(signals)))])
+    function = ca.Function("b", [w], [ca.vertcat(*term.basis_of(term.along_of(signals, 0.0)))])
     found: Array = np.asarray(function(speed[None, :])).T
     return found
 
@@ -73,3 +73,45 @@ def test_what_is_scored_is_what_is_simulated(term: MissingTorque) -> None:
     scored = term.columns(record, np.zeros(record.rows), speed)
 
     np.testing.assert_allclose(scored, basis(term, speed), atol=1e-5)
+
+
+def test_the_removed_line_is_a_spline_and_its_coefficients_have_no_effect() -> None:
+    """A straight line is formed by the heights, so that its removal leaves no remainder.
+
+    The remainder of a line that is only approximated would be another basis function, which has
+    heights of a thousand times its values and diverges beyond the data.
+    """
+    fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
+    terms = [c.term for c in MissingTorque.candidates(scales_of(fit))]
+    (own,) = [t for t in terms if isinstance(t, MissingTorque) and t.along == "speed"]
+    ((line, amount),) = own.removed
+    speed = speeds(own, 0.0)
+    rng = np.random.default_rng(7)
+    heights = rng.standard_normal(HEIGHTS)
+
+    formed = basis(own, speed) @ np.array(line)
+    slope = formed @ speed / (speed @ speed)
+
+    assert np.abs(formed - slope * speed).max() < 0.02 * np.abs(formed).max()
+    assert np.dot(line, amount) == pytest.approx(1.0)
+    np.testing.assert_allclose(own.kept @ np.array(line), 0.0, atol=1e-9 * np.abs(line).max())
+    np.testing.assert_allclose(
+        own.kept @ (heights + 100.0 * np.array(line)), own.kept @ heights, atol=1e-6
+    )
+
+
+def test_a_curve_over_the_load_is_one_over_the_torque_of_the_motor() -> None:
+    """A magnet that is 50 K warmer makes less torque of the same current, and less friction."""
+    fit = fit_declared(records_of(campaign(motor_named("servo 100 W"), seed=4)), "zoh")
+    terms = [c.term for c in MissingTorque.candidates(scales_of(fit))]
+    (load,) = [t for t in terms if isinstance(t, MissingTorque) and "size" in t.along]
+    current, alpha = ca.SX.sym("current"), -0.002
+    others = [ca.SX(0)] * 7
+
+    def drawn(heat: float, value: float) -> float:
+        signals = replace(Signals(current, *others), temperature=ca.SX(25.0 + heat))
+        return float(ca.Function("z", [current], [load.along_of(signals, alpha)])(value))
+
+    assert load.drivers == ("current", "speed")
+    assert drawn(50.0, 10.0 / 0.9) == pytest.approx(drawn(0.0, 10.0))
+    assert drawn(50.0, 10.0) < drawn(0.0, 10.0)
