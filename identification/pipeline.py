@@ -43,6 +43,7 @@ from identification.reporting.files import write_chain, write_outputs
 from identification.result.content import assemble
 from identification.result.findings import Findings
 from identification.selection.confounded import confounded_terms, unresolved_transients
+from identification.selection.curve_detail import curve_details
 from identification.selection.long import search_long
 from identification.selection.non_identifiable import (
     collinear_sizes,
@@ -300,6 +301,7 @@ def _omitted(
         ),
         *thermometer_errors(final, effective_fraction(final)),
         *collinear_sizes(final),
+        *curve_details(final, effective_fraction(final)),
         *voltage_errors(final, effective_fraction(final)),
         *unresolved_transients(final, effective_fraction(final)),
     )

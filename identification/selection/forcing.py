@@ -12,7 +12,7 @@ constant within a sample interval.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -22,6 +22,7 @@ from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.model.blocks import single
 from identification.model.composite import MotorModel
+from identification.model.excitation import Record
 from identification.model.scan import Scan, scan_of
 from identification.model.step import advance
 from identification.model.step_plan import StepPlan
@@ -36,7 +37,7 @@ from identification.model.term import (
 )
 from identification.work import TOUCH, charge
 
-__all__ = ["responses"]
+__all__ = ["responses", "trajectory"]
 
 _PASSES = 4.0
 """Reads and writes of each force value in a response, for the count of operations."""
@@ -57,6 +58,15 @@ class _Push(AbstractTorque, AbstractVoltage):
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         return states.torque
+
+
+def trajectory(fit: Fit, k: int) -> tuple[Record, Array, Array]:
+    """Record `k`, and current [A] and speed [rad/s] (n_sample,) as simulated by a fit."""
+    simulator = fit.simulator
+    record, substeps = simulator.records[k], simulator.substeps
+    own = replace(simulator, records=(record,), substeps=substeps and (substeps[k],))
+    states = own.states(fit.values[:, None], fit.states[k : k + 1])[0]
+    return record, states[:, 0, 0], states[:, 1, 0]
 
 
 def responses(fit: Fit, forces: Callable[[int], Array], stride: int = 1) -> Iterator[Array]:

@@ -31,6 +31,7 @@ from identification.selection.score import Score
 __all__ = [
     "OmittedTerm",
     "consider_variances",
+    "independent",
     "input_errors",
     "omitted_terms",
     "optimum_shifts",
@@ -128,13 +129,20 @@ def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
 def input_errors(
     fit: Fit, fraction: float, name: str, changes: Sequence[Array]
 ) -> tuple[OmittedTerm, ...]:
-    """Parameter changes by independent unknown errors of an input, as independent directions.
+    """Parameter changes by independent unknown errors of an input; see `independent`.
 
     The changes of the simulated channels are (n_sample, 2, n_error) for each record, by one
-    standard deviation of each error, which has another value in each record [A, rad/s].  A
-    direction that widens an interval too little is dropped.
+    standard deviation of each error, which has another value in each record [A, rad/s].
     """
-    steps = np.hstack(optimum_shifts(fit, changes))
+    return independent(fit, fraction, name, np.hstack(optimum_shifts(fit, changes)))
+
+
+def independent(fit: Fit, fraction: float, name: str, steps: Array) -> tuple[OmittedTerm, ...]:
+    """Parameter changes (n_parameter, n_error) by independent errors, as orthogonal directions.
+
+    The changes are in search coordinates, by one standard deviation of each error.  A direction
+    that widens an interval too little is dropped.
+    """
     if not np.isfinite(steps).all():
         return ()
     factor = root(fit.equations.covariance(fraction))

@@ -24,7 +24,7 @@ from identification.model.excitation import squares_of
 from identification.model.lowering import LANES
 from identification.model.scan import Effort
 from identification.model.simulate import initial_states
-from identification.selection.forcing import responses
+from identification.selection.forcing import responses, trajectory
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.projection import Projection, Residual, gain_of
 from identification.selection.score import Score, recurring, sized
@@ -110,14 +110,7 @@ def _forced(fit: Fit, candidates: Sequence[Candidate], stride: int = 1) -> Itera
     columns = _columns(candidates)
 
     def forces(k: int) -> Array:
-        record = fit.simulator.records[k]
-        part = replace(
-            fit.simulator,
-            records=(record,),
-            substeps=fit.simulator.substeps and (fit.simulator.substeps[k],),
-        )
-        states = part.states(fit.values[:, None], fit.states[k : k + 1])[0]
-        current, speed = states[:, 0, 0], states[:, 1, 0]
+        record, current, speed = trajectory(fit, k)
         force = np.zeros((record.rows, 2, columns[-1].stop))
         for candidate, own in zip(candidates, columns, strict=True):
             term = candidate.term

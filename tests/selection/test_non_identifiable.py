@@ -28,22 +28,13 @@ from identification.selection.non_identifiable import (
 from identification.selection.omitted import consider_variances
 from identification.selection.refit import refined, refitted_with
 from identification.selection.start import Start
-from identification.surrogates.curve import HEIGHTS, AbstractCurve
-from identification.surrogates.curves import MissingTorque, MissingVoltage, collinear, is_formed
+from identification.surrogates.curve import AbstractCurve
+from identification.surrogates.curves import collinear, is_formed
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
+from tests.selection.curved import with_curve
 
 Array = NDArray[np.float64]
-
-
-def with_curve(fit: Fit, along: str, carrier: str, equation: str) -> Fit:
-    """Fit of the nominal model with a curve added."""
-    (candidate,) = [
-        c for kind in (MissingTorque, MissingVoltage) for c in kind.candidates(scales_of(fit))
-        if isinstance(c.term, AbstractCurve)
-        and (c.term.along, c.term.carrier, c.term.equation) == (along, carrier, equation)
-    ]  # fmt: skip
-    return refitted_with(fit, candidate.term, [Start(np.zeros(HEIGHTS))])
 
 
 @pytest.fixture(scope="module")
