@@ -23,7 +23,7 @@ from identification.arrays import Array
 from identification.effects.effect import CampaignScales, Candidate
 from identification.model.excitation import Record
 from identification.model.term import AbstractTorque, AbstractVoltage, Expression, Signals, Values
-from identification.surrogates.curve import HEIGHTS, AbstractCurve
+from identification.surrogates.curve import HEIGHTS, REGRESSORS, AbstractCurve
 
 __all__ = ["MissingTorque", "MissingVoltage", "collinear", "is_formed", "sampled"]
 
@@ -133,12 +133,12 @@ def _lengths(records: tuple[Record, ...]) -> Array:
 
 
 def _without_collinear(term: AbstractCurve, scales: CampaignScales) -> AbstractCurve:
-    """The curve without the directions that are collinear with current or speed.
+    """The curve without the directions that are collinear with its signal.
 
-    A curve in voltage may be collinear with both, since v is nearly Ra i + Kt w.
+    A line in the current or speed is a part of a nominal parameter, one in the voltage a common
+    factor on all of them.
     """
-    names = ("current", "speed")
-    places = [k for k, name in enumerate(names) if {name, "voltage"} & set(term.drivers)]
+    places = [k for k, name in enumerate(REGRESSORS) if name in term.drivers]
     if not places:
         return term
     columns, regressors = sampled(term, scales.records)

@@ -38,20 +38,17 @@ def errors_of(fit: Fit, truth: Mapping[str, float], name: str) -> tuple[float, f
 
 
 def test_intervals_include_the_kink_of_a_dead_zone_that_a_spline_rounds_off() -> None:
-    """Errors of the temperature coefficients, which no curve over the voltage can form."""
+    """Errors of a temperature coefficient, which no curve over the voltage can form."""
     found = []
     for seed in range(1, 5):
-        effects = [EffectRequest("dead_zone", 0.03, "hard")]
+        effects = [EffectRequest("dead_zone", 0.05, "hard")]
         measured = make_campaign("servo_150w", effects, seed, rows=1500)
-        truth = measured.truth["parameters"]
-        fit = curved_fit(measured)
-        found += [errors_of(fit, truth, name) for name in ("alpha_Ra", "alpha_Kt")]
+        found.append(errors_of(curved_fit(measured), measured.truth["parameters"], "alpha_Ra"))
 
     narrow, honest = np.sqrt(np.mean(np.square(found), axis=0))
 
-    assert narrow > 1.8
-    # Eight standard normal numbers have a root mean square below 1.58 in 99 of 100 cases.
-    assert honest < 1.58
+    # Four standard normal numbers have a root mean square below 1.82 in 99 of 100 cases.
+    assert narrow > 1.82 > honest
 
 
 def test_a_curve_without_a_law_behind_it_widens_nothing() -> None:

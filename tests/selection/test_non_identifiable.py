@@ -29,7 +29,7 @@ from identification.selection.omitted import consider_variances
 from identification.selection.refit import refined, refitted_with
 from identification.selection.start import Start
 from identification.surrogates.curve import AbstractCurve
-from identification.surrogates.curves import collinear, is_formed
+from identification.surrogates.curves import collinear, is_formed, sampled
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 from tests.selection.curved import with_curve
@@ -201,3 +201,21 @@ def test_a_friction_that_a_curve_cannot_form_stays_identified() -> None:
 
     assert collinear_sizes(fit) == ()
     assert fit.by_name["coulomb_friction.torque"] == pytest.approx(torque, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("along", "equation", "place"),
+    [("current", "electrical", 0), ("speed", "mechanical", 1), ("voltage", "electrical", 2)],
+)
+def test_a_curve_contains_no_line_in_its_own_signal(
+    declared: Fit, along: str, equation: str, place: int
+) -> None:
+    """Else the fit shares a line between curve and parameters by their priors alone."""
+    (term,) = with_curve(declared, along, "", equation).simulator.model.terms
+    assert isinstance(term, AbstractCurve)
+
+    columns, regressors = sampled(term, declared.simulator.records)
+
+    cosines = regressors[:, place] @ columns / np.linalg.norm(regressors[:, place])
+    # A spline forms a line in the compressed signal to a thousandth.
+    assert np.all(np.abs(cosines) < 3e-3 * np.linalg.norm(columns, axis=0).max())
