@@ -195,18 +195,20 @@ def _restart(state: State) -> None:
 
 
 def _has_structure(state: State) -> bool:
-    """Whether a curve would still gain, or an effect has a shape parameter at its bound."""
-    if _curves_worth_a_refit(state):
+    """Whether a curve would still gain, or an effect has a shape parameter at its bound.
+
+    A correlated residual is coloured noise or structure; here it counts as structure.
+    """
+    if _curves_worth_a_refit(state.trials, replace(state.current, fraction=1.0)):
         return True
     return is_at_bound(state.current.fit, state.trials.policy)
 
 
-def _curves_worth_a_refit(state: State) -> list[Score]:
+def _curves_worth_a_refit(trials: Trials, current: EvaluatedModel) -> list[Score]:
     """Curves with a predicted gain, given the current model, that justifies a refit.
 
     A curve has no shape parameters, so its gain is underestimated less than that of an effect.
     """
-    trials, current = state.trials, state.current
     factor, records = trials.policy.curve_underestimate, len(current.fit.states)
     return [
         score
@@ -231,7 +233,7 @@ def _is_curve_due(state: State) -> bool:
     if _largest_gain(trials.scores(state.current)) >= trials.policy.curve_share * by_curve:
         return False
     if state.round > 1:
-        return bool(_curves_worth_a_refit(state))
+        return bool(_curves_worth_a_refit(trials, state.current))
     return by_curve > state.predicted_gain
 
 
@@ -278,7 +280,7 @@ def _add_curve(state: State, *, is_exhausted: bool) -> None:
     curve again.  A model with an unlisted term gets no second one.
     """
     trials, listed = state.trials, state.current
-    curves = [] if trials.budget.spent else _curves_worth_a_refit(state)
+    curves = [] if trials.budget.spent else _curves_worth_a_refit(trials, listed)
     if state.curve is None and listed is not state.nominal:
         _fit_curve(state)
     if state.curve is not None and replaces(state.curve, listed, trials.policy):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bench import EffectRequest, Noise, make_campaign
+from benchmarks.calibration.plan import item_of
 from identification.effects.cogging import CoggingTorque
 from identification.effects.effect import effects_of
 from identification.fit.declared import fit_declared
@@ -57,6 +58,25 @@ def test_a_withheld_kind_is_no_candidate() -> None:
     tried = {one.name for one in outcome.searched} | {one.name for one in outcome.effects}
     assert "coulomb_friction" not in tried
     assert "stribeck_friction" in tried
+
+
+def test_a_friction_that_leaves_a_correlated_residual_is_compared_with_a_curve() -> None:
+    """Coulomb friction is hidden and withheld; Stribeck friction removes 95 % of the error.
+
+    In effective samples, few because the residual is correlated, no curve gains enough to be added
+    to it.  A curve in its place leaves the noise.
+    """
+    item = item_of(95)
+    assert item.effect is not None
+    measured = make_campaign(item.motor, [item.effect], item.number, item.options)
+    campaign = records_of_bench(measured)
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign, withheld=item.withheld)
+
+    found = {effect.name for effect in outcome.effects}
+    b = measured.truth["parameters"]["b"]
+    assert found == {"unlisted"}
+    assert outcome.fit.by_name["b"] == pytest.approx(b, rel=0.1)
 
 
 def test_a_search_in_which_no_score_is_finite_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
