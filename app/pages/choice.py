@@ -15,7 +15,7 @@ from app.access.service import Caller
 from app.composition import Services
 from app.errors import FieldRefused
 from app.fits.schemas import FitCreate
-from app.http.dependencies import CallerDep, ServicesDep
+from app.http.dependencies import CallerDep, RequestKey, ServicesDep
 from app.pages.forms import number, texts_of
 from app.pages.rendering import Page
 from app.pages.views import located, run_view
@@ -149,14 +149,16 @@ def delete(
 
 
 @router.post("/fits")
-async def start(request: Request, services: ServicesDep, caller: CallerDep) -> Response:
-    """Request the fit of the form and open its page."""
+async def start(
+    request: Request, services: ServicesDep, caller: CallerDep, idempotency_key: RequestKey = None
+) -> Response:
+    """Request the fit of the form and open its page; a repeated request opens the same fit."""
     form = await texts_of(request)
-    fit = await to_thread.run_sync(_started, services, caller, form)
+    fit = await to_thread.run_sync(_started, services, caller, form, idempotency_key)
     return Response(status_code=204, headers={"HX-Redirect": f"/fits/{fit}"})
 
 
-def _started(services: Services, caller: Caller, form: Mapping[str, str]) -> str:
+def _started(services: Services, caller: Caller, form: Mapping[str, str], key: str | None) -> str:
     training = _of_role(form, "training")
     if not training:
         raise FieldRefused("no training run is chosen; choose at least one", "training")
@@ -172,7 +174,7 @@ def _started(services: Services, caller: Caller, form: Mapping[str, str]) -> str
         first = error.errors(include_url=False, include_context=False)[0]
         field = ".".join(str(part) for part in first["loc"]).removeprefix("options.")
         raise FieldRefused(f"{field}: {first['msg']}", field) from error
-    return services.fits.create(caller, body.request(body.options), None).row.id
+    return services.fits.create(caller, body.request(body.options), key).row.id
 
 
 def options_from(form: Mapping[str, str]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import APIResponse, Page, Route
+    from playwright.sync_api import APIResponse, Browser, Page, Route
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
@@ -75,19 +75,33 @@ def show(address: str, directory: Path, *, wait_ms: int = 4000) -> Shown:
 
 
 @contextmanager
-def browsing(address: str) -> Iterator[Page]:
-    """Open a page in a browser with a new profile, which accepts every question."""
+def launched() -> Iterator[Browser]:
+    """Start a browser, in which the tests of a module open pages."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
         browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
-        page = browser.new_context().new_page()
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def opened(browser: Browser, address: str) -> Iterator[Page]:
+    """Open a page with a profile of its own, which accepts every question."""
+    with browser.new_context() as context:
+        page = context.new_page()
         page.set_default_timeout(60_000)
         page.on("dialog", lambda dialog: dialog.accept())
         page.goto(address)
         yield page
-        browser.close()
+
+
+@contextmanager
+def browsing(address: str) -> Iterator[Page]:
+    """Open a page in a browser of its own."""
+    with launched() as browser, opened(browser, address) as page:
+        yield page
 
 
 @dataclass

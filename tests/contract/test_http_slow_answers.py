@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.app.browser import Held, browsing, needs_browser, wait_until_settled
+from tests.app.browser import Held, launched, needs_browser, opened, wait_until_settled
 from tests.app.pretended import FAMILY, SLOW
 from tests.app.service import Caller, Server, empty, run_text, serving
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
@@ -38,11 +38,18 @@ def caller(server: Server) -> Iterator[Caller]:
         yield made
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Browser of all tests."""
+    with launched() as started:
+        yield started
+
+
 @pytest.fixture
-def page(server: Server, caller: Caller) -> Iterator[Page]:
+def page(browser: Browser, server: Server, caller: Caller) -> Iterator[Page]:
     """Start page with the three runs of the servo."""
-    with browsing(server.url) as opened:
-        yield opened
+    with opened(browser, server.url) as shown:
+        yield shown
 
 
 def drop(page: Page, directory: Path, *seeds: int) -> None:

@@ -3,11 +3,57 @@
 const PREFIX = "/api/v1";
 export const UNREACHABLE = "The service does not respond; check your connection, and that motorid serve is running.";
 
+const LONGEST_CALL_MS = 20_000;
+const PATIENCE_MS = 10_000;
+const IMPATIENCE_MS = 2_000;
+const MOST_LOOKS = 60;
+
+let isLost = false;
+
+/** Fetches what the service has at once; a network that is gone responds with nothing, not even an error. */
+export function promptly(address, options) {
+  const limit = new AbortController();
+  setTimeout(() => limit.abort(), LONGEST_CALL_MS);
+  return fetch(address, { ...options, signal: limit.signal });
+}
+
+/** Whether the service responds to a new request. */
+async function responds() {
+  // A proxy responds in place of a service that is gone.
+  isLost = !(await promptly("/healthz", { cache: "no-store" }).then(({ status }) => status < 500, () => false));
+  return !isLost;
+}
+
+/** Aborts a request that gets no answer and calls `lost`.  While the service responds to others, the request
+ *  goes on: the service may compute for minutes, and a large upload takes its time. */
+export function guard(request, lost) {
+  let looks = 0;
+  let timer = 0;
+  const rest = () => {
+    clearTimeout(timer);
+    timer = setTimeout(look, isLost ? IMPATIENCE_MS : PATIENCE_MS);
+  };
+  const look = async () => {
+    const mine = timer;
+    looks += 1;
+    const isWorking = looks < MOST_LOOKS && (await responds());
+    // The request has ended or made progress in between.
+    if (timer !== mine) return;
+    if (isWorking) return rest();
+    request.abort();
+    lost?.();
+  };
+  for (const part of [request, request.upload]) part.addEventListener("progress", rest);
+  request.addEventListener("load", () => (isLost = false));
+  request.addEventListener("loadend", () => (timer = clearTimeout(timer)));
+  rest();
+}
+
 /** Calls the service; returns the content of the response or throws a readable error. */
 export async function call(method, path) {
   let answer;
   try {
-    answer = await fetch(PREFIX + path, { method });
+    answer = await promptly(PREFIX + path, { method });
   } catch {
     throw new Error(UNREACHABLE);
   }
@@ -16,12 +62,13 @@ export async function call(method, path) {
     throw new Error("The session has expired; sign in again.");
   }
   // A proxy in between answers with a page of its own.
-  const content = answer.status === 204 ? null : await answer.json().catch(() => ({}));
+  const content = await answer.json().catch(() => null);
   if (!answer.ok) {
-    const request = answer.status >= 500 && content.request_id ? ` (request ${content.request_id})` : "";
-    const text = content.detail ? content.detail + request : `The service responded with HTTP status ${answer.status}.`;
+    const request = answer.status >= 500 && content?.request_id ? ` (request ${content.request_id})` : "";
+    const text = content?.detail ? content.detail + request : `The service responded with HTTP status ${answer.status}.`;
     throw Object.assign(new Error(text), { status: answer.status });
   }
+  if (!content && answer.status !== 204) throw new Error(UNREACHABLE);
   return content;
 }
 

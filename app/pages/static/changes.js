@@ -1,7 +1,8 @@
 // Start page: changes are sent one after the other, as they were made, because of two at once the service might
 // keep the earlier.  An answer does not replace what the user is about to press, to select or to type in.
 
-import { UNREACHABLE } from "/static/calls.js";
+import { showProblem, UNREACHABLE } from "/static/calls.js";
+import { hasUnsaved, keep, note, sendAgain } from "/static/unsaved.js";
 
 const ADDRESSES = {
   pending: () => "/pending",
@@ -9,6 +10,8 @@ const ADDRESSES = {
   work: () => location.href,
 };
 const ACTS = "#fit, #pending-confirm";
+const ENTRIES = "form:not(#fit), input, select";
+const FILTER = "#choice-motor";
 const HAS_OPEN = CSS.supports("selector(select:open)");
 
 const ends = {};
@@ -17,13 +20,14 @@ const sending = new Set();
 const stale = new Set();
 let open = 0;
 let failures = 0;
+let isEnded = false;
 let granted = null;
 let typed = null;
 let pressed = null;
 
 /** The motor whose runs are shown. */
 export function motor() {
-  return document.getElementById("choice-motor")?.value ?? "*";
+  return document.querySelector(FILTER)?.value ?? "*";
 }
 
 /** Counts the tasks; while there are any, the document has the attribute `data-busy`. */
@@ -49,9 +53,9 @@ export function renew(id) {
   return shown.catch(() => Promise.reject(new Error(UNREACHABLE)));
 }
 
-/** Whether a change is not sent yet. */
-export function isWaiting() {
-  return waiting.length > 0;
+/** Whether the service lacks a change. */
+export function hasChanges() {
+  return !isEnded && (waiting.length > 0 || hasUnsaved());
 }
 
 function isInUse(part) {
@@ -77,7 +81,7 @@ function release({ type }) {
 
 const ENDS = ["htmx:afterRequest", "htmx:validation:halted"];
 
-/** Whether the request of an element that `begin` issues succeeds. */
+/** Whether the request of an element that `begin` issues succeeds; of a press without an answer the page says so. */
 function sent(element, begin) {
   return new Promise((resolve) => {
     const end = ({ detail }) => {
@@ -85,10 +89,18 @@ function sent(element, begin) {
       for (const name of ENDS) document.removeEventListener(name, end);
       // htmx calls no answer successful that leads to another page.
       resolve(Math.floor((detail.xhr?.status ?? 0) / 100) === 2);
+      // The page of the sign-in says that the session has ended.
+      isEnded = detail.xhr?.status === 401;
+      if (detail.xhr?.status === 0 && !element.matches(ENTRIES)) setTimeout(showLost, 0, element);
     };
     for (const name of ENDS) document.addEventListener(name, end);
     begin();
   });
+}
+
+function showLost(element) {
+  const button = buttonOf(element);
+  showProblem(`No answer to “${button.ariaLabel ?? button.textContent.trim()}”; press it again later. ${UNREACHABLE}`);
 }
 
 function leave(element) {
@@ -99,8 +111,16 @@ async function change(element, issueRequest) {
   leave(element);
   if (!element.isConnected) return;
   sending.add(element);
-  if (!(await sent(element, () => issueRequest(true)))) failures += 1;
+  const isSaved = await sent(element, () => issueRequest(true));
   sending.delete(element);
+  if (!isSaved) failures += 1;
+  if (element.matches(FILTER)) return isSaved || showFilter(element);
+  if (element.matches(ENTRIES)) note(element, isSaved);
+}
+
+/** Shows the motor of the runs in the table. */
+function showFilter(menu) {
+  for (const option of menu.options) option.selected = option.defaultSelected;
 }
 
 function buttonOf(act) {
@@ -137,6 +157,7 @@ document.addEventListener("htmx:confirm", (event) => {
   // but the order of a change and another one counts.
   const isLast = waiting.length > 0 ? waiting.at(-1) === elt : sending.has(elt) && elt.matches("button");
   if (isLast || (question && !confirm(question))) return;
+  if (elt.matches(`${ACTS}, ${FILTER}`)) sendAgain();
   waiting.push(elt);
   if (!elt.matches(ACTS)) {
     inTurn([elt.closest("#fit") && target.id !== "pending" ? "choice" : "pending"], () => change(elt, issueRequest));
@@ -150,7 +171,8 @@ document.addEventListener("htmx:confirm", (event) => {
 });
 
 function hold(detail, id) {
-  if (!id || !detail.shouldSwap || !isInUse(detail.target)) return;
+  if (!id || !detail.shouldSwap) return;
+  if (!isInUse(detail.target)) return keep(detail.target, sending);
   detail.shouldSwap = false;
   if (id in ADDRESSES) stale.add(id);
 }

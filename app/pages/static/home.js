@@ -101,6 +101,22 @@ document.addEventListener("htmx:afterRequest", ({ detail: { xhr, requestConfig }
   });
 });
 
+// What is not computed must not seem to be computed still.
+document.addEventListener("htmx:afterRequest", ({ detail: { elt, successful } }) => {
+  if (elt.id !== "prospects" || successful) return;
+  const line = document.createElement("p");
+  const button = document.createElement("button");
+  button.type = "button";
+  button.textContent = "Compute again";
+  button.addEventListener("click", () => {
+    elt.tabIndex = -1;
+    elt.focus();
+    htmx.trigger(elt, "again");
+  });
+  line.append("What these runs can identify could not be computed. ", button);
+  elt.replaceChildren(line);
+});
+
 wireEnds(async (button) => {
   const index = indexOf("work", button);
   await renewWork();

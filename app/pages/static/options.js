@@ -51,4 +51,13 @@ document.addEventListener("htmx:afterRequest", ({ detail: { elt, xhr } }) => {
   // htmx calls no answer successful that leads to another page.
   if (xhr.status === 204 && elt.id === "fit") keep(motor());
 });
+
+// The answer to the request for a fit may be lost; the same request again leads to the same fit.
+let request = { text: "", key: "" };
+document.addEventListener("htmx:configRequest", ({ detail: { elt, headers, parameters } }) => {
+  if (elt.id !== "fit") return;
+  const text = JSON.stringify(parameters);
+  if (text !== request.text) request = { text, key: `${Date.now()}-${Math.random()}` };
+  headers["Idempotency-Key"] = request.key;
+});
 restore();

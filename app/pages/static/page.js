@@ -1,7 +1,7 @@
 // All pages: times in the reader's time zone, lost connections, double clicks, and problems that end with the
 // next success.
 
-import { showProblem, UNREACHABLE } from "/static/calls.js";
+import { guard, showProblem, UNREACHABLE } from "/static/calls.js";
 
 function localTime(text) {
   // The Swedish form is ISO 8601, which no reader mistakes for month and day exchanged.
@@ -35,6 +35,7 @@ htmx.logger = (_, name, detail) => {
 };
 
 document.addEventListener("htmx:sendError", () => showProblem(UNREACHABLE));
+document.addEventListener("htmx:beforeSend", ({ detail }) => guard(detail.xhr, () => showProblem(UNREACHABLE)));
 
 // The answer to the first click of a double click may have put another button in its place.
 document.addEventListener("click", (event) => {
@@ -56,9 +57,9 @@ showLocalTimes(document);
 document.addEventListener("htmx:load", (event) => showLocalTimes(event.detail.elt.parentElement ?? document));
 // A problem ends with the success of what the user does after it.
 let problemAt = 0;
-document.addEventListener("htmx:afterRequest", ({ detail: { elt, successful, requestConfig } }) => {
+document.addEventListener("htmx:afterRequest", ({ detail: { successful, requestConfig } }) => {
   if (!successful) problemAt = performance.now();
-  // The prospects are requested by the page itself.
-  const isOfUser = requestConfig.verb !== "get" && elt.id !== "prospects";
-  if (successful && isOfUser && requestConfig.triggeringEvent?.timeStamp > problemAt) document.getElementById("problem").replaceChildren();
+  const { triggeringEvent, verb } = requestConfig;
+  const isOfUser = verb !== "get" && triggeringEvent?.type !== "load";
+  if (successful && isOfUser && triggeringEvent?.timeStamp > problemAt) document.getElementById("problem").replaceChildren();
 });

@@ -1,5 +1,7 @@
 // Plots of the channels of a run over time, with a common cursor.
 
+import { promptly } from "/static/calls.js";
+
 const CHANNELS = [
   ["voltage_V", "Voltage [V]"],
   ["current_A", "Current [A]"],
@@ -29,9 +31,13 @@ function options(label, width, key) {
 
 async function draw(place) {
   place.dataset.drawn = "";
-  const answer = await fetch(place.dataset.samples);
-  if (!answer.ok) return;
-  const samples = await answer.json();
+  const samples = await promptly(place.dataset.samples).then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);
+  place.replaceChildren();
+  if (!samples) {
+    delete place.dataset.drawn;
+    place.textContent = "The plots could not be loaded; reload the page to see them.";
+    return;
+  }
   const plots = [];
   for (const [name, label] of CHANNELS) {
     if (!samples[name]) continue;
@@ -51,9 +57,6 @@ function drawAll(root) {
 drawAll(document);
 document.addEventListener("htmx:load", (event) => drawAll(event.detail.elt));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-  for (const place of document.querySelectorAll("[data-samples]")) {
-    place.replaceChildren();
-    delete place.dataset.drawn;
-  }
+  for (const place of document.querySelectorAll("[data-samples]")) delete place.dataset.drawn;
   drawAll(document);
 });

@@ -1,6 +1,7 @@
 // Start page: sends dropped or selected files one by one; the page then shows what was understood.
 
-import { inTurn, isWaiting, renew } from "/static/changes.js";
+import { guard, UNREACHABLE } from "/static/calls.js";
+import { hasChanges, inTurn, renew } from "/static/changes.js";
 
 const form = document.getElementById("upload");
 const drop = document.getElementById("drop");
@@ -26,18 +27,30 @@ function add(text) {
   pending.hidden = false;
 }
 
+/** Sends a form with a file; fetch would not tell whether the upload makes progress. */
+function post(body) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    for (const end of ["error", "abort"]) request.addEventListener(end, () => reject(new Error(UNREACHABLE)));
+    request.addEventListener("load", () => resolve(request));
+    request.open("POST", "/pending");
+    request.setRequestHeader("HX-Request", "true");
+    guard(request);
+    request.send(body);
+  });
+}
+
 async function send(file, position) {
   const line = notice("busy", file.name, `is read (${position}) …`);
   const body = new FormData(form);
   body.append("file", file);
-  let problem = "could not be sent; check that motorid serve is running, and that this is a file and has not changed since you selected it";
+  let problem = "could not be sent; check your connection, that motorid serve is running, and that this is a file and has not changed since you selected it; then select it again";
   try {
-    const answer = await fetch("/pending", { method: "POST", body, headers: { "HX-Request": "true" } });
-    if (answer.headers.has("HX-Redirect")) location.assign(answer.headers.get("HX-Redirect"));
-    const text = await answer.text();
-    const part = new DOMParser().parseFromString(text, "text/html");
-    problem = answer.ok ? "" : part.body.textContent.trim();
-    if (answer.ok) add(text);
+    const answer = await post(body);
+    const isRead = answer.status === 200;
+    if (answer.getResponseHeader("HX-Redirect")) location.assign(answer.getResponseHeader("HX-Redirect"));
+    problem = isRead ? "" : new DOMParser().parseFromString(answer.responseText, "text/html").body.textContent.trim();
+    if (isRead) add(answer.responseText);
   } catch (error) {
     console.warn(error);
   }
@@ -68,7 +81,7 @@ function take(list) {
 }
 
 window.addEventListener("beforeunload", (event) => {
-  if (unsent > 0 || isWaiting()) event.preventDefault();
+  if (unsent > 0 || hasChanges()) event.preventDefault();
 });
 
 files.addEventListener("change", () => {
