@@ -83,6 +83,11 @@ def tuning_view(found: Mapping[str, Any], remarks: tuple[str, ...]) -> dict[str,
     }
 
 
+def _unbroken(value: float) -> str:
+    """Text of a number without a place for a line break."""
+    return number_text(value).replace(" ", "\u00a0")
+
+
 def _metric_row(
     name: str, temperatures: Sequence[Mapping[str, Any]], limit: float | None
 ) -> tuple[str, str, float | None, list[tuple[str, float | None]]]:
@@ -93,7 +98,7 @@ def _metric_row(
     cells = []
     for at, pair in zip(temperatures, ends, strict=True):
         known = [factor * end for end in pair if end is not None]
-        texts = list(dict.fromkeys(number_text(end) for end in known)) if len(known) == 2 else []
+        texts = list(dict.fromkeys(map(_unbroken, known))) if len(known) == 2 else []
         cells.append((" to ".join(texts) or UNKNOWN, at[name].get("met_probability")))
     return label, unit, None if limit is None else factor * limit, cells
 

@@ -1,4 +1,4 @@
-"""Pages of the next run and of a tuning in a browser: computation, end, and lost connections."""
+"""Pages of a loop, a tuning and the next run in a browser: computation, end, lost connections."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ import pytest
 
 from identification.ingest import write_run
 from motorid.client import Client
-from tests.app.browser import browsing, needs_browser
+from tests.app.browser import Held, launched, needs_browser, opened, wait_until_settled
 from tests.app.service import Server, serving
 from tests.motors import campaign, motor_named
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
@@ -42,12 +42,26 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, str]
         yield server, client.wait(client.fit([stored], options=options)).id
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Browser of all tests."""
+    with launched() as started:
+        yield started
+
+
 @pytest.fixture
-def page(fit: tuple[Server, str]) -> Iterator[Page]:
+def page(browser: Browser, fit: tuple[Server, str]) -> Iterator[Page]:
     """Page of the next run."""
     server, fit_id = fit
-    with browsing(f"{server.url}/fits/{fit_id}/design") as opened:
-        yield opened
+    with opened(browser, f"{server.url}/fits/{fit_id}/design") as shown:
+        yield shown
+
+
+@pytest.fixture
+def loop(page: Page) -> Page:
+    """Page of the speed loop."""
+    page.goto(page.url.replace("/design", "/loop"))
+    return page
 
 
 def ended_requests(server: Server, fit_id: str, kind: str) -> list[dict[str, Any]]:
@@ -161,3 +175,72 @@ def test_lost_connection_is_said_and_the_form_remains(page: Page) -> None:
 
     assert not shown
     assert page.inner_text("#problem") == ""
+
+
+def test_step_response_is_marked_until_it_is_that_of_the_fields(loop: Page) -> None:
+    """The first answer comes when another gain was typed, and an error leaves the mark."""
+    stale = loop.locator("#loop-result.stale")
+    with Held(loop, "**/loop?*", "GET", is_answered=True) as answers:
+        loop.fill("#kp", "2")
+        answers.wait()
+        is_marked = stale.count()
+        loop.fill("#kp", "3")
+        answers.wait(2)
+    wait_until_settled(loop)
+    heading = loop.inner_text("#response-title")
+    is_marked_after = stale.count()
+    loop.route("**/loop?*", lambda route: route.abort())
+    loop.locator("#kp").press_sequentially("0")
+    loop.locator("#problem", has_text="does not respond").wait_for()
+
+    assert (is_marked, is_marked_after) == (1, 0)
+    assert heading == "Step response with P:3"
+    assert stale.count() == 1
+    assert loop.evaluate("document.activeElement.id") == "kp"
+    loop.unroute("**/loop?*")
+    loop.click("text=Compute")
+    stale.wait_for(state="detached")
+    assert loop.inner_text("#problem") == ""
+
+
+def test_text_typed_during_a_computation_keeps_the_focus(page: Page) -> None:
+    """The answer is marked, because it does not belong to the new text."""
+    with Held(page, "**/design?*", "GET", is_answered=True) as answers:
+        page.fill("#limits", "current=x")
+        page.press("#limits", "Enter")
+        answers.wait()
+        page.focus("#rate")
+        page.keyboard.type("10")
+    page.wait_for_selector("#answer >> text=positive number in A")
+    page.keyboard.type("00")
+
+    assert page.input_value("#rate") == "1000"
+    assert page.locator("#answer.stale").count() == 1
+
+
+def test_table_of_five_temperatures_needs_no_scrolling(page: Page, fit: tuple[Server, str]) -> None:
+    """At 1280 pixels."""
+    server, fit_id = fit
+    query = "overshoot=10&controller=PI:0.2,20&temperature=-40,25,80,100,125"
+    page.goto(f"{server.url}/fits/{fit_id}/tuning?{query}")
+    widths = page.locator("#answer .scroll").evaluate("one => [one.scrollWidth, one.clientWidth]")
+
+    assert widths[0] == widths[1]
+
+
+def test_field_shows_what_was_computed_after_back(page: Page, fit: tuple[Server, str]) -> None:
+    """The browser restores no selection to which the answer does not belong."""
+    server, fit_id = fit
+    page.goto(f"{server.url}/fits/{fit_id}/prediction?run={only_run(server)}")
+    page.select_option("#model", "nominal model")
+    page.click("nav >> text=Compare")
+    page.go_back()
+
+    assert page.input_value("#model") == "false"
+
+
+def only_run(server: Server) -> str:
+    """ID of the run of the service."""
+    with Client(server.url) as client:
+        [run] = client.runs()
+    return run.id
