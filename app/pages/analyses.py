@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request, Response
@@ -24,7 +24,7 @@ from app.pages.analysis_views import (
     tuning_view,
 )
 from app.pages.forms import FIELDS, DesignForm, LoopForm, PredictionForm, TuningForm
-from app.pages.rendering import Page
+from app.pages.rendering import Page, refusal
 from app.pages.results import comparison_view
 from app.pages.views import fit_view
 from app.texts import sentence
@@ -44,14 +44,6 @@ _DRAWS = 400
 """Draws of the page, which shall answer while the gains are typed."""
 
 
-def _refusal(problem: str, part: str) -> dict[str, Any]:
-    """Status of a page with a problem, which htmx shows in the place of an answer; or neither."""
-    if not problem:
-        return {}
-    headers = {"HX-Retarget": part, "HX-Reselect": part, "HX-Reswap": "outerHTML"}
-    return {"status": 422, "headers": headers}
-
-
 @router.get("/fits/{fit_id}/loop")
 def loop_page(
     fit_id: str, page: Page, request: Request, services: ServicesDep, caller: CallerDep
@@ -69,7 +61,7 @@ def loop_page(
         problem = sentence(str(error))
     return page(
         "loop",
-        **_refusal(problem, "#loop-result"),
+        **refusal(problem, "#loop-result"),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         problem=problem,
@@ -102,7 +94,7 @@ def tuning_page(
         problem = sentence(error.message)
     return page(
         "tuning",
-        **_refusal(problem, "#answer"),
+        **refusal(problem, "#answer"),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         fields=FIELDS,
@@ -181,7 +173,7 @@ def design_page(
     effects = (fit.result or {}).get("effects") or ()
     return page(
         "design",
-        **_refusal(problem, "#answer"),
+        **refusal(problem, "#answer"),
         fit=fit_view(FitSummary.of(fit), {}),
         form=form,
         query=urlencode(request.query_params),

@@ -15,8 +15,9 @@ from fastapi.responses import HTMLResponse
 from app.access.service import Caller
 from app.composition import Services
 from app.errors import FieldRefused, NotFound, NotOwner
+from app.http import LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
-from app.pages.rendering import Page
+from app.pages.rendering import Page, refusal
 from app.pages.views import when
 from app.tables import KeyRow
 from app.texts import moment
@@ -53,22 +54,24 @@ def create(
             name.strip(), caller.workspace, days=lifetime, owner=owner
         )
     except ValueError:
-        return _shown(page, services, caller, problem=f"days: {days!r} is not a number", name=name)
+        return _shown(page, services, caller, problem=f"days: {days!r} is not a number")
     except OptionError as error:
-        return _shown(page, services, caller, problem=str(error), name=name)
+        return _shown(page, services, caller, problem=str(error))
     return _shown(page, services, caller, secret=secret)
 
 
 @router.post("/{key_id}/revoke")
-def revoke(key_id: str, services: ServicesDep, caller: CallerDep) -> Response:
-    """Revoke a key of the workspace and end its sessions."""
+def revoke(key_id: str, page: Page, services: ServicesDep, caller: CallerDep) -> Response:
+    """Revoke a key of the workspace and end its sessions; show the table anew."""
     _check_owner(caller)
     try:
         services.access.revoke_key(key_id, caller.workspace)
     except OptionError as error:
         raise NotFound("there is no such key that can be revoked; /keys lists them") from error
-    # A reload would send the form of a key that was created just before once more.
-    return Response(status_code=204, headers={"HX-Redirect": "/keys"})
+    if key_id == caller.key_id:
+        return Response(status_code=204, headers={"HX-Redirect": LOGIN_PATH})
+    # The rest of the page may show the secret of a new key.
+    return _shown(page, services, caller, is_revoked=True)
 
 
 def _check_owner(caller: Caller) -> None:
@@ -91,17 +94,17 @@ def _shown(
     *,
     secret: str = "",
     problem: str = "",
-    name: str = "",
+    is_revoked: bool = False,
 ) -> HTMLResponse:
     services.access.write_uses()
     keys = reversed(services.access.list_keys(caller.workspace))
     return page(
         "keys",
-        status=422 if problem else 200,
+        **refusal(problem, "#keys-problem"),
         keys=[_key_view(key, caller) for key in keys],
         secret=secret,
         problem=problem,
-        name=name,
+        is_revoked=is_revoked,
     )
 
 

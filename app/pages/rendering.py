@@ -24,7 +24,7 @@ from app.http.gate import login_address, wants_page
 from app.http.problems import MEDIA_TYPE
 from identification.reporting.page import page_environment
 
-__all__ = ["PLOT_FILES", "STATIC_FILES", "ErrorPages", "Page"]
+__all__ = ["PLOT_FILES", "STATIC_FILES", "ErrorPages", "Page", "refusal"]
 
 STATIC_FILES = Path(__file__).parent / "static"
 """Style sheets and scripts of the pages."""
@@ -50,6 +50,14 @@ def _page(
     """Render a template, whose name has no ending, with these variables."""
     text = page_environment("app.pages").get_template(f"{template}.html.j2").render(values)
     return HTMLResponse(text, status_code=status, headers=headers)
+
+
+def refusal(problem: str, part: str) -> dict[str, Any]:
+    """Status of a page with a problem, which htmx shows in the place of an answer; or neither."""
+    if not problem:
+        return {}
+    headers = {"HX-Retarget": part, "HX-Reselect": part, "HX-Reswap": "outerHTML"}
+    return {"status": 422, "headers": headers}
 
 
 class ErrorPages:

@@ -163,6 +163,29 @@ def test_second_press_while_a_key_is_created_creates_none(page: Page) -> None:
     assert page.locator("tbody th", has_text="bench 9").count() == 1
 
 
+def test_new_key_remains_while_others_are_managed(page: Page) -> None:
+    """A refused form keeps its text, and the secret is shown until the page is left."""
+    page.goto("/keys")
+    page.fill("#name", "bench 9")
+    page.fill("#days", "soon")
+    page.check("[name=owner]")
+    page.click("text=Create key")
+    page.wait_for_selector("#keys-problem >> text=is not a number")
+    fields = page.input_value("#name"), page.input_value("#days"), page.is_checked("[name=owner]")
+    page.fill("#days", "3")
+    page.press("#days", "Enter")
+    page.locator(".secret").wait_for()
+    focused = page.evaluate("document.activeElement.innerText")
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.click("tbody button >> nth=0")
+    page.locator("tbody .state", has_text="revoked").wait_for()
+
+    assert fields == ("bench 9", "soon", True)
+    assert page.inner_text(".secret") in focused
+    assert page.evaluate("document.activeElement.id") == "keys-table"
+    assert page.inner_text("#problem") == ""
+
+
 def test_hidden_page_of_a_fit_asks_nothing(page: Page, caller: Caller) -> None:
     """It shows the state again once it can be seen."""
     fit = caller.begin(caller.upload(run_text(4))["id"], seed=FAMILY)["id"]
