@@ -263,3 +263,37 @@ def test_progress_goes_on_after_a_call_without_an_answer(page: Page, caller: Cal
     page.locator("#work .state.cancelled").wait_for()
 
     assert page.inner_text("#problem") == ""
+
+
+def test_new_file_is_counted_once_the_service_responds(page: Page, tmp_path: Path) -> None:
+    """The button that adds it is not disabled for ever."""
+
+    def lose_count(route: Route) -> None:
+        route.abort() if route.request.method == "GET" else route.fallback()
+
+    path = tmp_path / "new30.csv"
+    path.write_bytes(run_text(30))
+    page.route("**/pending", lose_count)
+    with page.expect_event("requestfailed"):
+        page.set_input_files("#files", path)
+    page.unroute("**/pending")
+    wait_until_settled(page)
+    page.clock.fast_forward(3_500)
+
+    page.locator("#pending-confirm[data-new='1']:enabled").wait_for()
+
+
+def test_fit_that_was_removed_without_an_answer_can_be_removed_again(
+    page: Page, server: Server, caller: Caller
+) -> None:
+    """The fit is gone, and the list cannot be shown without it."""
+    caller.wait(caller.begin(next(iter(caller.client.runs())).id)["id"])
+    page.reload()
+    lose(page, f"{server.url}/")
+    page.click("#work >> text=Remove")
+    page.locator("#problem", has_text="does not respond").wait_for()
+    page.unroute(f"{server.url}/")
+    page.click("#work >> text=Remove")
+    page.locator("#work >> text=No fits yet").wait_for()
+
+    assert list(caller.client.fits()) == []

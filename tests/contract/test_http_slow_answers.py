@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tests.app.browser import Held, launched, needs_browser, opened, wait_until_settled
-from tests.app.pretended import FAMILY, SLOW
+from tests.app.pretended import FAMILY
 from tests.app.service import Caller, Server, empty, run_text, serving
 
 if TYPE_CHECKING:
@@ -217,13 +217,16 @@ def test_second_press_while_the_page_of_a_fit_is_loaded_starts_no_fit(
 
 
 def test_fit_that_ends_while_it_is_cancelled_remains(page: Page, caller: Caller) -> None:
-    """The page says Cancel; the request reaches the service after the end of the fit."""
+    """The fit waits for two others; the request reaches the service after its end."""
     run = next(iter(caller.client.runs())).id
-    fit = caller.begin(run, seed=SLOW)["id"]
+    others = [caller.begin(run, seed=FAMILY)["id"] for _ in range(2)]
+    fit = caller.begin(run)["id"]
     page.reload()
     with Held(page, f"**/fits/{fit}*", "DELETE") as requests:
-        page.click("#work >> text=Cancel")
+        page.click(f"#end-{fit}")
         requests.wait()
+        for other in others:
+            caller.http.delete(f"/fits/{other}")
         caller.wait(fit)
     page.locator("#work >> text=Report").wait_for()
 

@@ -69,7 +69,7 @@ async function showStale(lists) {
   for (const id of lists) {
     if (!stale.has(id) || isInUse(document.getElementById(id))) continue;
     stale.delete(id);
-    await renew(id).catch(console.warn);
+    await renew(id).catch(() => stale.add(id));
   }
 }
 

@@ -119,7 +119,14 @@ document.addEventListener("htmx:afterRequest", ({ detail: { elt, successful } })
 
 wireEnds(async (button) => {
   const index = indexOf("work", button);
-  await renewWork();
+  try {
+    await renewWork();
+  } catch (error) {
+    // The next press finds it removed.
+    button.disabled = false;
+    showProblem(error.message);
+    return;
+  }
   const same = document.getElementById(button.id);
   if (same) same.focus();
   else focusIn("work", index);

@@ -8,6 +8,8 @@ const drop = document.getElementById("drop");
 const files = document.getElementById("files");
 const received = document.getElementById("received");
 
+const RETRY_MS = 3000;
+
 let unsent = 0;
 
 function notice(kind, name, text) {
@@ -66,9 +68,14 @@ async function count() {
   if (shown !== Number(document.querySelector(head).dataset.runs)) await renew("pending");
 }
 
+/** Counts the new files until the service responds. */
+function countAgain() {
+  return inTurn(["pending"], count).catch(() => setTimeout(countAgain, RETRY_MS));
+}
+
 async function sendAll(list) {
   for (const [index, file] of list.entries()) await inTurn(["pending"], () => send(file, `${index + 1} of ${list.length}`));
-  await inTurn(["pending"], count).catch(console.warn);
+  await countAgain();
   unsent -= list.length;
 }
 
