@@ -5,10 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.app.browser import launched
 from tests.app.service import Caller, Server, make_key, run_text, serving
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    """Browser of the tests of a module."""
+    with launched() as browser:
+        yield browser
 
 
 @pytest.fixture(scope="session")

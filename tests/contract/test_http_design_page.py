@@ -14,7 +14,7 @@ import pytest
 
 from identification.ingest import write_run
 from motorid.client import Client
-from tests.app.browser import Held, launched, needs_browser, opened, wait_until_settled
+from tests.app.browser import Held, needs_browser, opened, wait_until_settled
 from tests.app.service import Server, serving
 from tests.motors import campaign, motor_named
 
@@ -42,18 +42,11 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, str]
         yield server, client.wait(client.fit([stored], options=options)).id
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Browser of all tests."""
-    with launched() as started:
-        yield started
-
-
 @pytest.fixture
-def page(browser: Browser, fit: tuple[Server, str]) -> Iterator[Page]:
+def page(chromium: Browser, fit: tuple[Server, str]) -> Iterator[Page]:
     """Page of the next run."""
     server, fit_id = fit
-    with opened(browser, f"{server.url}/fits/{fit_id}/design") as shown:
+    with opened(chromium, f"{server.url}/fits/{fit_id}/design") as shown:
         yield shown
 
 

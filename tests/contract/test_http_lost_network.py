@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.app.browser import Held, launched, needs_browser, opened, wait_until_settled
+from tests.app.browser import Held, needs_browser, opened, wait_until_settled
 from tests.app.pretended import FAMILY
 from tests.app.service import Caller, Server, empty, run_text, serving
 
@@ -33,13 +33,6 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         yield running
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Browser of all tests."""
-    with launched() as started:
-        yield started
-
-
 @pytest.fixture
 def caller(server: Server) -> Iterator[Caller]:
     """Script, with three runs of two motors and nothing else in the service."""
@@ -51,9 +44,9 @@ def caller(server: Server) -> Iterator[Caller]:
 
 
 @pytest.fixture
-def page(browser: Browser, server: Server, caller: Caller) -> Iterator[Page]:
+def page(chromium: Browser, server: Server, caller: Caller) -> Iterator[Page]:
     """Start page with the two runs of the servo, whose clock the test can advance."""
-    with opened(browser, f"{server.url}/healthz") as shown:
+    with opened(chromium, f"{server.url}/healthz") as shown:
         shown.clock.install()
         shown.goto(server.url)
         wait_until_settled(shown)

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.app.browser import BROWSER, Held, needs_browser
+from tests.app.browser import Held, needs_browser
 from tests.app.pretended import FAMILY
 from tests.app.service import Caller, Server, make_key, run_text, serving
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 pytestmark = needs_browser
 
@@ -51,17 +51,14 @@ def caller(server: Server, key: str) -> Iterator[Caller]:
 
 
 @pytest.fixture
-def page(server: Server, key: str) -> Iterator[Page]:
+def page(chromium: Browser, server: Server, key: str) -> Iterator[Page]:
     """Start page in a browser that signed in with this key."""
-    with sync_api.sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
-        opened = browser.new_context(base_url=server.url).new_page()
+    with chromium.new_context(base_url=server.url) as context:
+        opened = context.new_page()
         opened.set_default_timeout(60_000)
         opened.goto("/")
         sign_in(opened, key)
         yield opened
-        browser.close()
 
 
 def sign_in(page: Page, key: str) -> None:

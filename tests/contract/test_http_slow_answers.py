@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.app.browser import Held, launched, needs_browser, opened, wait_until_settled
+from tests.app.browser import Held, needs_browser, opened, wait_until_settled
 from tests.app.pretended import FAMILY
 from tests.app.service import Caller, Server, empty, run_text, serving
 
@@ -38,17 +38,10 @@ def caller(server: Server) -> Iterator[Caller]:
         yield made
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Browser of all tests."""
-    with launched() as started:
-        yield started
-
-
 @pytest.fixture
-def page(browser: Browser, server: Server, caller: Caller) -> Iterator[Page]:
+def page(chromium: Browser, server: Server, caller: Caller) -> Iterator[Page]:
     """Start page with the three runs of the servo."""
-    with opened(browser, server.url) as shown:
+    with opened(chromium, server.url) as shown:
         yield shown
 
 
