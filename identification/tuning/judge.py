@@ -170,12 +170,13 @@ def _metrics(response: Response, step: float, gains: Array) -> dict[str, Array]:
         end = speed[-last:].mean(axis=0)
         # With integral action the final speed is the reference, also before it is reached.
         final = np.where(integrates, 1.0, end)
+        steady_error = np.round(100 * np.abs(1 - end), 9)  # without the rounding of the simulation
         found = sampled_metrics(response.time, speed, response.acceleration / step, final)
         return {
             "rise_time": found.rise_time,
             "settling_time": found.settling_time,
             "overshoot": found.overshoot,
-            "steady_error": 100 * np.abs(1 - end),
+            "steady_error": steady_error,
             "limited": response.limited.max(axis=0),
             "peak_current": np.abs(response.current).max(axis=0),
             "peak_voltage": np.abs(response.voltage).max(axis=0),

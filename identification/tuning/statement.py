@@ -70,7 +70,7 @@ def _blame(entry: Mapping[str, Any]) -> list[str]:
         return []
     first = entry["blame"][0]
     if first["rise"] < _LEAST_RISE:
-        return ["no single uncertainty explains it; the gains are the best that the search found"]
+        return ["no single uncertainty explains it"]
     name = first["parameter"]
     cause = "the temperature range" if name == "temperature" else f"the uncertainty of {name}"
     known = "at the middle temperature" if name == "temperature" else "if it were known"
