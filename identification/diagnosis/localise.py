@@ -72,7 +72,6 @@ _DIFFERENCES: Final = 4
 class Deficiency:
     """Missing term of one state equation."""
 
-    equation: Literal["electrical", "mechanical"]
     unit: Literal["V", "N m"]
     strength: float
     """Intensity (stationary standard deviation) of the missing term [unit]."""
@@ -98,8 +97,6 @@ class Missing:
     cannot reproduce.
     """
 
-    record: int
-    """Index of the record in the fit."""
     run: int
     """Number of its run."""
     start: int
@@ -153,7 +150,7 @@ def localise(fit: Fit) -> Localisation:
     for k, smoothed in enumerate(smoothed_disturbances(deviation, both.hyper, known)):
         record = fit.simulator.records[k]
         e_v, e_tau, v_sd, tau_sd = np.ascontiguousarray(smoothed.T)
-        missing.append(Missing(k, record.run, record.start, record.time, e_v, v_sd, e_tau, tau_sd))
+        missing.append(Missing(record.run, record.start, record.time, e_v, v_sd, e_tau, tau_sd))
     white = fits.chosen(deviation, electrical.significant, mechanical.significant)
     noise = deviation.noise * np.maximum(
         np.hypot(white.intensities[2:4], white.white), _least_noise(deviation)
@@ -253,7 +250,6 @@ def _deficiency(
     gain = max(gain, 0.0)
     p_value = p_value_of(gain, longest)
     return Deficiency(
-        equation="mechanical" if index else "electrical",
         unit="N m" if index else "V",
         strength=float(both.intensities[index] * deviation.scale[index]),
         time_constant=float(both.correlation_times[index] * deviation.interval),

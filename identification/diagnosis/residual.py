@@ -6,7 +6,7 @@ arises across the end of one run and the start of the next:
 
     current = autocorrelation([residual_of_run_1, residual_of_run_2])
     current.outside            # fraction of lags outside the band; about 1 - level for white noise
-    whiteness([residual_of_run_1]).p_value
+    whiteness([residual_of_run_1])                      # p value
 
 The mean of a residual is *not* subtracted: it is zero under the null hypothesis, and a residual
 with an offset is not white.
@@ -30,7 +30,6 @@ from identification.fit.autoregression import autoregression, spectrum
 __all__ = [
     "Correlation",
     "Errors",
-    "Whiteness",
     "autocorrelation",
     "cross_correlation",
     "lagged_products",
@@ -59,16 +58,6 @@ class Correlation:
     def outside(self) -> float:
         """Fraction of lags outside the band [-]; about ``1 - level`` under the null hypothesis."""
         return float(np.mean(np.abs(self.values) > self.half_width))
-
-
-@dataclass(frozen=True)
-class Whiteness:
-    """Result of a portmanteau test: no correlation at any of the first lags."""
-
-    statistic: float
-    """Sum of squared correlations, each over its variance [-]."""
-    p_value: float
-    """Probability of a statistic at least as large from white noise [-]."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +90,7 @@ def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Erro
     return Errors(float(np.sqrt(squares / samples)), float(ratio))
 
 
-def autocorrelation(
-    residuals: Sequence[Array], max_lag: int | None = None, level: float = LEVEL
-) -> Correlation:
+def autocorrelation(residuals: Sequence[Array], max_lag: int | None = None) -> Correlation:
     """Autocorrelation of a residual at the lags 1 to `max_lag`, from one array (n_sample,) per run.
 
         r(k) = sum_t e(t) e(t-k) / sum_t e(t)^2
@@ -112,8 +99,7 @@ def autocorrelation(
     run, (n - k) / (n (n + 2)).  For several runs it is combined from their variances, since they
     differ in length and noise.
 
-    By default the last lag is 60 samples, or a quarter of the longest run if that is less; `level`
-    is the probability that one lag stays inside the band [-].
+    By default the last lag is 60 samples, or a quarter of the longest run if that is less.
     """
     runs = _checked(residuals)
     lag = _max_lag(runs, max_lag)
@@ -124,7 +110,7 @@ def autocorrelation(
     for run in runs:
         pairs = np.maximum(run.size - lags, 0)
         variance += _energy(run) ** 2 * pairs / (run.size * (run.size + 2.0))
-    return _correlation(lags, products, variance, energy, level)
+    return _correlation(lags, products, variance, energy, LEVEL)
 
 
 def cross_correlation(
@@ -171,28 +157,27 @@ def cross_correlation(
     return _correlation(lags, products, variance, float(scale), level)
 
 
-def whiteness(residuals: Sequence[Array], lags: int | None = None) -> Whiteness:
-    """Portmanteau test of the whiteness of a residual (Ljung and Box), one array per run.
+def whiteness(residuals: Sequence[Array]) -> float:
+    """P value of the portmanteau test of whiteness (Ljung and Box), one array per run.
 
         Q = sum_k r(k)^2 / var r(k),   chi-squared with as many degrees of freedom as lags
 
     For one run this is the Ljung-Box statistic.  For several runs the correlation is pooled first:
     this detects a weak autocorrelation that all runs share, which the sum of the statistics of
     single runs would hide.  No degree of freedom is subtracted, since a simulation error has no
-    parameters of a noise model.  By default there are 20 lags, or a quarter of the longest run if
-    that is less.  For a residual that is zero throughout, p is 1.
+    parameters of a noise model.  There are 20 lags, or a quarter of the longest run if that is
+    less.  For a residual that is zero throughout, p is 1.
 
     Source:
         G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297-303.
     """
     runs = _checked(residuals)
-    found = autocorrelation(runs, _max_lag(runs, lags, usual=20))
+    found = autocorrelation(runs, _max_lag(runs, None, usual=20))
     spread = found.half_width / _quantile(found.level)
     known = spread > 0.0
     statistic = float(np.sum((found.values[known] / spread[known]) ** 2))
     freedom = int(np.count_nonzero(known))
-    p_value = float(special.chdtrc(freedom, statistic)) if freedom else 1.0
-    return Whiteness(statistic, p_value)
+    return float(special.chdtrc(freedom, statistic)) if freedom else 1.0
 
 
 def _checked(runs: Sequence[Array]) -> list[Array]:

@@ -226,8 +226,8 @@ def _parameter_row(
 
 
 def _channel_texts(run: RunTraces, channel: str, noise: float | None) -> tuple[str, str, str]:
-    test, errors = channel_whiteness(run, channel), channel_errors(run, channel)
-    p = UNKNOWN if test is None else "< 0.001" if test.p_value < 0.001 else f"{test.p_value:.3f}"
+    value, errors = channel_whiteness(run, channel), channel_errors(run, channel)
+    p = UNKNOWN if value is None else "< 0.001" if value < 0.001 else f"{value:.3f}"
     return (
         percent_text(1.0 - errors.nrmse, 4) if errors else UNKNOWN,
         number_text(errors.rmse / noise if errors and noise else None, 3),

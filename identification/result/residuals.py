@@ -13,7 +13,6 @@ from identification.arrays import Array
 from identification.diagnosis.residual import (
     Correlation,
     Errors,
-    Whiteness,
     autocorrelation,
     cross_correlation,
     pooled_errors,
@@ -82,8 +81,8 @@ def coloured_channels(checks: Sequence[ResidualCheck]) -> list[str]:
     return coloured
 
 
-def channel_whiteness(run: RunTraces, channel: str) -> Whiteness | None:
-    """Portmanteau test of one run's residual; None if the run is too short."""
+def channel_whiteness(run: RunTraces, channel: str) -> float | None:
+    """P value of the whiteness of one run's residual; None if the run is too short."""
     residuals, _ = _pieces([run], channel, "after")
     return whiteness(residuals) if residuals else None
 
@@ -96,13 +95,13 @@ def channel_errors(run: RunTraces, channel: str) -> Errors | None:
     return pooled_errors([residual[used]], [measured[used]]) if used.any() else None
 
 
-def gaps(time: Array, factor: float = 4.0) -> NDArray[np.int_]:
+def gaps(time: Array) -> NDArray[np.int_]:
     """Indices (n_gap,) of the samples before a gap, where a line must break.
 
-    A gap is longer than `factor` median intervals of the time (n_sample,).
+    A gap is longer than four median intervals of the time (n_sample,).
     """
     steps = np.diff(time)
-    return np.flatnonzero(steps > factor * np.median(steps)) if steps.size else np.zeros(0, np.int_)
+    return np.flatnonzero(steps > 4.0 * np.median(steps)) if steps.size else np.zeros(0, np.int_)
 
 
 def _residual(run: RunTraces, channel: str, stage: str) -> Array:

@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 
-from identification.arrays import Array
 from identification.effects.orders import largest_peaks
 from identification.fit.solve import Fit
 from identification.model.excitation import sample_interval
@@ -28,15 +27,13 @@ __all__ = ["Trace", "missing_curves", "traced"]
 
 _PEAKS: Final = 3
 """Spectral peaks per channel."""
-_POINTS: Final = 60
-"""Grid points of a curve."""
 _LEAST_SHARE: Final = 0.02
 """Fraction of the largest gain below which a curve is not reported."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Trace:
-    """What one balance lacks, as a curve over one signal."""
+    """Dependence of what one balance lacks on one signal."""
 
     equation: str
     """``electrical`` or ``mechanical``."""
@@ -46,10 +43,6 @@ class Trace:
     """Predicted gain of the log likelihood."""
     share: float
     """Gain over that of the best curve [-]."""
-    grid: Array
-    """(n_point,) values of the signal, in its unit."""
-    curve: Array
-    """(n_point,) missing torque [N m] or voltage [V]."""
 
 
 def missing_curves(fit: Fit, policy: SelectionPolicy = DEFAULT) -> list[Score]:
@@ -62,15 +55,13 @@ def missing_curves(fit: Fit, policy: SelectionPolicy = DEFAULT) -> list[Score]:
 def traced(scores: Sequence[Score]) -> tuple[Trace, ...]:
     """Curves of what a model lacks over each signal alone, best first, without negligible ones."""
     curves = [(s, s.candidate.term) for s in scores if isinstance(s.candidate.term, AbstractCurve)]
-    alone = [(score, term) for score, term in curves if not term.carrier]
-    most = max((score.gain for score, _ in alone), default=0.0)
-    traces = []
-    for score, term in alone:
-        if score.gain > _LEAST_SHARE * most:
-            grid, along, share = term.grid(_POINTS), term.drivers[0], score.gain / most
-            curve = -term.shapes(grid) @ score.start
-            traces.append(Trace(term.equation, along, score.gain, share, grid, curve))
-    return tuple(traces)
+    alone = [(score.gain, term) for score, term in curves if not term.carrier]
+    most = max((gain for gain, _ in alone), default=0.0)
+    return tuple(
+        Trace(term.equation, term.drivers[0], gain, gain / most)
+        for gain, term in alone
+        if gain > _LEAST_SHARE * most
+    )
 
 
 def _peaks(fit: Fit) -> tuple[float, ...]:

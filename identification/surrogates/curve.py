@@ -182,22 +182,6 @@ class AbstractCurve(AbstractForced):
                 hats[:, k] += slope
         return np.asarray(hats * carried[:, None] @ self.kept)
 
-    def grid(self, points: int) -> Array:
-        """(n_point,) values of the signal in its unit, evenly spaced after compression."""
-        drawn = np.linspace(self.lower, self.upper, points)
-        if self.along in STRAIGHT:
-            return drawn
-        return np.asarray(self.zero * np.sinh(drawn))
-
-    def shapes(self, grid: Array) -> Array:
-        """Basis functions over the signal, without collinear part, (n_point, n_coefficient) [-]."""
-        x = ca.SX.sym("x")
-        drawn = x
-        if self.along not in STRAIGHT:
-            drawn = ca.log(x / self.zero + ca.sqrt((x / self.zero) ** 2 + 1))
-        function = ca.Function("shapes", [x], [ca.vertcat(*self.basis_of(drawn))])
-        return np.asarray(np.asarray(function(grid[None, :])).T @ self.kept)
-
     def along_of(self, signals: Signals, warming: Expression) -> Expression:
         """The signal, compressed by asinh unless it is in `STRAIGHT`, at alpha_Kt [1/K]."""
         if self.along == "time":

@@ -16,12 +16,12 @@ from tests.motors import motor_named, noiseless
 def test_a_term_that_follows_a_driver_is_explained_by_it_alone() -> None:
     """A torque even in the speed is uncorrelated with it, yet the speed explains 97 % of it."""
     records = records_of(noiseless(motor_named("servo 100 W"), seed=3))
-    silent = Deficiency("electrical", "V", 0.0, 0.1, 0.0, 1.0, False)
-    loud = Deficiency("mechanical", "N m", 0.1, 0.1, 90.0, 1e-9, True)
+    silent = Deficiency("V", 0.0, 0.1, 0.0, 1.0, False)
+    loud = Deficiency("N m", 0.1, 0.1, 90.0, 1e-9, True)
     pieces = tuple(
-        Missing(k, r.run, r.start, r.time, np.zeros(r.rows), np.zeros(r.rows),
+        Missing(r.run, r.start, r.time, np.zeros(r.rows), np.zeros(r.rows),
                 -1e-6 * r.measured[:, 1] ** 2, np.zeros(r.rows))
-        for k, r in enumerate(records)
+        for r in records
     )  # fmt: skip
 
     entry = trace_entry(Localisation(silent, loud, np.ones(2), pieces), None, records)

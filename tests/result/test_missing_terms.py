@@ -62,12 +62,12 @@ def path_of(declared: Fit, term: AbstractTerm, sizes: list[float], trace: Any = 
 
 def trace_of(declared: Fit, voltage: list[Array], torque: list[Array]) -> Localisation:
     """Localisation with given missing voltages and torques of each record."""
-    none = Deficiency("electrical", "V", 0.0, 1.0, 0.0, 1.0, False)
+    none = Deficiency("V", 0.0, 1.0, 0.0, 1.0, False)
     pieces = []
     for k, record in enumerate(declared.simulator.records):
         zero = np.zeros(record.rows)
         pieces.append(
-            Missing(k, record.run, record.start, record.time, voltage[k], zero, torque[k], zero)
+            Missing(record.run, record.start, record.time, voltage[k], zero, torque[k], zero)
         )
     return Localisation(none, none, np.ones(2), tuple(pieces))
 
