@@ -44,11 +44,7 @@ def write_posterior(
 
     Names and units are (n_param,), the log posterior density (n_draw, n_walker), the fraction of
     accepted proposals one number or (n_walker,) [-].  Attributes of the file may be added.
-
-    Raises:
-        ValueError: The shapes are inconsistent.
     """
-    _check_shapes(names, units, chain, log_prob)
     n_draw, n_walker, _ = chain.shape
     with replacing(path) as neighbour, h5netcdf.File(neighbour, "w") as file:
         file.attrs["schema_version"] = str(SCHEMA_VERSION)
@@ -67,18 +63,6 @@ def write_posterior(
         rate = stats.create_variable("acceptance_rate", ("chain",), np.float64)
         rate[...] = np.broadcast_to(np.asarray(acceptance, dtype=np.float64), (n_walker,))
         rate.attrs["long_name"] = "share of accepted proposals"
-
-
-def _check_shapes(
-    names: Sequence[str], units: Sequence[str], chain: Array, log_prob: Array
-) -> None:
-    expected = (*log_prob.shape, len(names))
-    if chain.shape != expected or len(units) != len(names) or log_prob.ndim != 2:
-        raise ValueError(
-            f"chain has shape {chain.shape}, log_prob {log_prob.shape}, {len(names)} names and "
-            f"{len(units)} units; expected (n_draw, n_walker, n_param), (n_draw, n_walker) and "
-            "n_param of each"
-        )
 
 
 def _group(file: Any, name: str, n_walker: int, n_draw: int) -> Any:

@@ -77,11 +77,3 @@ def test_the_same_chain_gives_the_same_bytes(written: Path, tmp_path: Path) -> N
     )
 
     assert again.read_bytes() == written.read_bytes()
-
-
-def test_inconsistent_shapes_are_refused_and_leave_no_file(tmp_path: Path) -> None:
-    """Exchanged walkers and draws are the usual mistake."""
-    with pytest.raises(ValueError, match=r"expected \(n_draw, n_walker, n_param\)"):
-        write_posterior(tmp_path / "p.nc", NAMES, UNITS, CHAIN, LOG_PROB.T, acceptance=0.4)
-
-    assert list(tmp_path.iterdir()) == []
