@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 __all__ = ["MEDIA_TYPE", "Metrics"]
 
@@ -64,7 +64,3 @@ class Metrics:
         self.fit_seconds = histogram(
             "motorid_fit_seconds", "Computing time of fits that succeeded.", buckets=_FIT_BUCKETS_S
         )
-
-    def text(self) -> bytes:
-        """All metrics in the Prometheus text format."""
-        return generate_latest(self.registry)

@@ -208,13 +208,14 @@ def _identified(
     fraction = effective_fraction(closed)
     last = "posterior" if options.posterior else "intervals"
     tell(last, 0.55)
+    runs = (*admission.training, *admission.validation)
     chain, draws = final_draws(
         Posterior(closed, fraction, outcome.smooth if outcome else None),
         linear_parts_of(final),
         omitted,
         options,
         lambda done: tell(last, 0.55 + 0.3 * done),
-        checkpoint and checkpoint.about([run.sha256 for run in admission.runs], options),
+        checkpoint and checkpoint.about([run.sha256 for run in runs], options),
     )
     tell("feedback", 0.85)
     loops = options.temperatures, options.controllers

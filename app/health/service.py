@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from prometheus_client import generate_latest
 from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -50,7 +51,7 @@ class HealthService:
         self._metrics.free_bytes.set(self._storage.free_bytes())
         age = max(0.0, time.time() - fits["queued"][2]) if "queued" in fits else 0.0
         self._metrics.oldest_queued_seconds.set(age)
-        return self._metrics.text()
+        return generate_latest(self._metrics.registry)
 
     def _answers(self) -> bool:
         try:

@@ -217,11 +217,6 @@ class Admission:
     """True if the runs to fit contain contradictions."""
 
     @property
-    def runs(self) -> tuple[Run, ...]:
-        """Runs to fit, then validation runs."""
-        return (*self.training, *self.validation)
-
-    @property
     def warnings(self) -> list[ResultWarning]:
         """Warnings for the result, the most severe first."""
         left_out = {run.name for run, _ in self.set_aside}

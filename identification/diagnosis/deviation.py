@@ -76,11 +76,6 @@ class Structure:
     tangents: int
     """Number of uncertain parameters."""
 
-    @property
-    def changing(self) -> int:
-        """Number of entries that vary from row to row."""
-        return sum(value is None for value in self.fixed)
-
     def matrices(self, entries: Expression) -> tuple[Expression, Expression, Expression]:
         """A (n, n), B (n, 2) and C (2, n) from the varying entries."""
         n, varying = self.shape, 0

@@ -105,7 +105,7 @@ class Symbols:
         In the smoother, `further` values of a lane select its target column.
         """
         return (
-            ca.SX.sym("f", self.structure.changing),
+            ca.SX.sym("f", self.structure.fixed.count(None)),
             ca.SX.sym("y", 2, 1 + self.structure.tangents),
             ca.SX.sym("w", 2),
             ca.SX.sym("h", len(HYPER) + further),

@@ -88,10 +88,6 @@ class TerminationLimits:
         """Predicted gain in log likelihood below which the fit has converged."""
         return max(_ENOUGH, _DECISIVE * (cost - self.reference))
 
-    def ends_with(self, before: float, cost: float) -> bool:
-        """True if the fit ends with a step from one cost to another."""
-        return cost < self.sufficient and before - cost < 1.0
-
 
 @dataclass(frozen=True)
 class Fit:
@@ -248,7 +244,7 @@ def optimised(
         before, cost = cost, float(costs[best])
         at, x0, weighting, equations = moved, moved_x0, sized, following
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
-        if limits.ends_with(before, cost):
+        if cost < limits.sufficient and before - cost < 1.0:
             break
     converged |= equations.decrement_within(at, coordinates) < limits.enough(cost)
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)

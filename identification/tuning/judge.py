@@ -52,11 +52,6 @@ class Judgement:
         """Smallest distance over requirements and temperatures, (n_controller, n_draw) [-]."""
         return np.asarray(np.min(np.stack(list(self.slack.values())), axis=(0, 2)))
 
-    @property
-    def probability(self) -> Array:
-        """Fraction of the draws that meet the specification, (n_controller,)."""
-        return np.asarray((self.of_draws >= 0).mean(axis=1))
-
 
 def slack_at(of_draws: Array, probability: float) -> Array:
     """Distance that the fraction `probability` of the draws (last axis) reaches or exceeds.

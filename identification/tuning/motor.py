@@ -40,19 +40,9 @@ class UncertainMotor:
         return int(self.values.shape[1])
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return tuple(parameter.name for parameter in self.model.parameters)
-
-    @property
     def draws(self) -> dict[str, Array]:
         """(n_draw,) for each parameter."""
-        return dict(zip(self.names, self.values, strict=True))
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the effects in the loop."""
-        return tuple(term.name for term in self.model.terms)
+        return dict(zip((p.name for p in self.model.parameters), self.values, strict=True))
 
     def thinned(self, most: int) -> UncertainMotor:
         """The motor with at most `most` draws, evenly spaced."""

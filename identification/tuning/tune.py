@@ -83,7 +83,7 @@ def tune(
         "reachable_rad_s": reach,
         "probability": probability,
         "draws": thinned.count,
-        "effects": list(motor.effects),
+        "effects": [term.name for term in motor.model.terms],
         "omitted_effects": list(motor.omitted),
         "controllers": entries,
         "recommended": _recommended(entries, specification),
@@ -129,8 +129,9 @@ def _entry(
     """Entry of one controller: its judgement, what is to blame, limit cycles and responses."""
     text, gains = controller
     samples, found = _long_enough(judge, gains)
-    of_draws, share = found.of_draws[0], float(found.probability[0])
-    met = int(round(share * of_draws.size))
+    of_draws = found.of_draws[0]
+    met = int(np.count_nonzero(of_draws >= 0))
+    share = met / of_draws.size
     # Jeffreys' interval of a proportion.
     low, high = beta.ppf([0.05, 0.95], met + 0.5, of_draws.size - met + 0.5)
     slack = float(slack_at(of_draws, probability))
