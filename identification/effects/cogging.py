@@ -12,7 +12,7 @@ from identification.effects.effect import AbstractEffect, CampaignScales, Candid
 from identification.effects.orders import HIGHEST_ORDER
 from identification.effects.parameters import amplitude, columns, shape
 from identification.model.parameter import Parameter
-from identification.model.term import AbstractTorque, Expression, Signals, State, Tracked, Values
+from identification.model.term import AbstractTorque, Expression, Signals, State, Values
 
 __all__ = ["CoggingTorque"]
 
@@ -112,11 +112,10 @@ class CoggingTorque(AbstractEffect, AbstractTorque):
         return replace(self, angle="simulated") if self.angle == "integrated" else self
 
     @property
-    def tracked(self) -> Tracked | None:
-        """Order and amplitudes, if the angle is integrated from the speed."""
+    def tracked(self) -> tuple[tuple[str, str], ...]:
         names = tuple(self._amplitudes)
         waves = tuple(zip(names[::2], names[1::2], strict=True))
-        return Tracked("order", waves) if self.angle == "integrated" else None
+        return waves if self.angle == "integrated" else ()
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         """Zero for the amplitudes; the speed for the simulated angle [rad/s]."""

@@ -70,12 +70,12 @@ def tracked(
     """
     term = _tracked_term(simulator)
     found = [state.copy() for state in states]
-    if term is None or term.tracked is None or not np.all(deviation > 0):
+    if term is None or not np.all(deviation > 0):
         return simulator, tuple(found)
     order = _order(simulator, term, values)
     places = {name: k for k, name in enumerate(simulator.model.state_names)}
-    waves = [[places[f"{term.name}.{name}"] for name in pair] for pair in term.tracked.waves]
-    size = next(s.scale for s in term.states if s.name == term.tracked.waves[0][0])
+    waves = [[places[f"{term.name}.{name}"] for name in pair] for pair in term.tracked]
+    size = next(s.scale for s in term.states if s.name == term.tracked[0][0])
     for _ in range(_PASSES):
         before = simulator.records
         moves = [_moves(state, waves, size) for state in found]
@@ -154,9 +154,8 @@ def _tracked_term(simulator: Simulator) -> AbstractTerm | None:
 
 
 def _order(simulator: Simulator, term: AbstractTerm, values: Array) -> float:
-    assert term.tracked is not None
     names = [parameter.name for parameter in simulator.model.parameters]
-    return float(values[names.index(f"{term.name}.{term.tracked.order}")])
+    return float(values[names.index(f"{term.name}.order")])
 
 
 def _edges(record: Record, walk: float, variance: float) -> NDArray[np.int64]:

@@ -115,16 +115,6 @@ class Signals:
 
 
 @dataclass(frozen=True)
-class Tracked:
-    """Names within a term whose integrated angle drifts; see `fit/order_tracking.py`."""
-
-    order: str
-    """Parameter with the number of periods per revolution."""
-    waves: tuple[tuple[str, str], ...]
-    """States with the sine and cosine amplitudes of the harmonics 1, 2, ..."""
-
-
-@dataclass(frozen=True)
 class AbstractTerm(ABC):
     """Named term; the module's docstring lists where a term may enter the equations.
 
@@ -158,9 +148,13 @@ class AbstractTerm(ABC):
         return None
 
     @property
-    def tracked(self) -> Tracked | None:
-        """Names that order tracking needs, if the term depends on an integrated angle."""
-        return None
+    def tracked(self) -> tuple[tuple[str, str], ...]:
+        """States with the sine and cosine amplitudes of harmonics 1, 2, ..., for order tracking.
+
+        Empty unless the term depends on an integrated angle, which drifts; its parameter `order` is
+        then the number of periods per revolution.
+        """
+        return ()
 
     @property
     def predicting(self) -> AbstractTerm:
