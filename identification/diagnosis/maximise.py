@@ -55,7 +55,7 @@ def maximise(
     """
     lower, upper = bounds
     point = np.clip(start, lower, upper)
-    inverse = _first_inverse(valued, point, bounds)
+    inverse = _first_inverse(valued, point)
     value, gradient, _ = _value_and_gradient(valued, point, bounds, np.zeros((point.size, 0)))
     small = 0
     for number in range(_STEPS):
@@ -79,7 +79,7 @@ def maximise(
                 if small > 1:
                     break
                 small += 1
-                inverse = _first_inverse(valued, point, bounds)
+                inverse = _first_inverse(valued, point)
                 continue
             full = tries[:, best]
             ahead, slope, _ = _value_and_gradient(valued, full, bounds, np.zeros((point.size, 0)))
@@ -117,7 +117,7 @@ def _value_and_gradient(
     return value, gradient, np.where(np.isfinite(own), own, -np.inf) if own.size else own
 
 
-def _first_inverse(valued: Valued, point: Array, bounds: tuple[Array, Array]) -> Array:
+def _first_inverse(valued: Valued, point: Array) -> Array:
     """Inverse of the diagonal of the negative Hessian, from second differences."""
     size = point.size
     lanes = np.repeat(point[:, None], 2 * size + 1, axis=1)

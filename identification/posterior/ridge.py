@@ -158,7 +158,7 @@ def ridge_of(fit: Fit, fraction: float) -> Ridge:
     if excess.max() > _BENT:
         for sign in (1.0, -1.0):
             points |= _traced(fit, fraction, direction, sign)
-    return _ridge(fit, fraction, direction, points)
+    return _ridge(fit, direction, points)
 
 
 def _directions(fit: Fit, fraction: float) -> list[_Direction]:
@@ -300,7 +300,7 @@ def _step(
     return least_squares(matrix / np.outer(size, size), right / size, 1e-14) / size
 
 
-def _ridge(fit: Fit, fraction: float, direction: _Direction, points: dict[float, _Point]) -> Ridge:
+def _ridge(fit: Fit, direction: _Direction, points: dict[float, _Point]) -> Ridge:
     """The ridge of the traced points, in the order of their positions."""
     tangent, functional = direction.tangent, direction.functional
     abscissae = np.array(sorted(points))

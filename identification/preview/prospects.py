@@ -37,7 +37,7 @@ from identification.fit.gains import current_gains, with_one_gain
 from identification.fit.identifiability import precision_of
 from identification.fit.noise import effective_fraction
 from identification.model.declared import DECLARED
-from identification.model.excitation import Record
+from identification.model.excitation import Record, sample_interval
 from identification.preview.excitation import Excitation
 from identification.selection.subset import informative_segments
 
@@ -110,7 +110,7 @@ def prospects_of(
     # The information grows with the number of samples.
     gain = math.sqrt(rows / used)
     relative = {name: p.sd / gain / abs(p.estimate) for name, p in precision.items() if p.estimate}
-    values, interval = {n: p.estimate for n, p in precision.items()}, _interval_of(records)
+    values, interval = {n: p.estimate for n, p in precision.items()}, sample_interval(records)
     is_typical = not precision["L"].sd / gain < precision["L"].limit
     if is_typical:
         values["L"] = TYPICAL_ELECTRICAL_S * values["Ra25"]
@@ -135,11 +135,6 @@ def prospects_of(
         )
     slow = sampling_note(values, interval, is_typical)
     return found, [*([slow] if slow else []), *map(str, campaign.warnings)]
-
-
-def _interval_of(records: Sequence[Record]) -> float:
-    """Median sampling interval of all records [s]."""
-    return float(np.median(np.concatenate([np.diff(record.time) for record in records])))
 
 
 def _warmer(excitation: Excitation, lacking: float, relative: float, limit: float) -> str:
