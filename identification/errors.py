@@ -202,7 +202,7 @@ class NoTable(RunFileError, code="no_table"):
 
 
 class NoHeader(RunFileError, code="no_header"):
-    """There is no line of column names above the numbers."""
+    """There is no line of column names above the numbers, and no mapping by number."""
 
 
 class NoRows(RunFileError, code="no_rows"):

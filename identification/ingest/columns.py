@@ -6,7 +6,14 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from identification.errors import DuplicateColumn, Example, MissingColumn, RunFileError, UnknownUnit
+from identification.errors import (
+    DuplicateColumn,
+    Example,
+    MissingColumn,
+    NoHeader,
+    RunFileError,
+    UnknownUnit,
+)
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import OPTIONAL_CHANNELS
 from identification.ingest.names import (
@@ -168,6 +175,8 @@ def missing_columns(
         columns: All columns of the file.
         found: Titles of the columns of the other channels.
     """
+    if not any(column.texts for column in columns):
+        return _without_header(names, len(columns))
     if unnamed := _unnamed(free, names):
         return _unnamed_columns(names, unnamed, found)
     similar = {name: similar_columns(name, free) for name in names}
@@ -205,6 +214,18 @@ def missing_columns(
         f"{listed(column.title for column in columns)}; {remedy}{hint}",
         column=names[0],
         examples=examples,
+    )
+
+
+def _without_header(names: Sequence[str], count: int) -> RunFileError:
+    """Error for the missing channels of a file whose columns have numbers alone."""
+    units = {name: canonical_unit(name).name for name in names}
+    entries = {name: {"column": "column NUMBER", "unit": unit} for name, unit in units.items()}
+    return NoHeader(
+        f"no column for {', '.join(names)}: the samples have no header that names their {count} "
+        f"columns, which are 'column 1' to 'column {count}'; write a header such as "
+        "time_s,voltage_V,current_A,speed_rad_s above them",
+        examples=[entries],
     )
 
 

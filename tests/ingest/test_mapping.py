@@ -14,6 +14,7 @@ from identification.errors import (
     AmbiguousUnit,
     DuplicateColumn,
     MappingError,
+    NoHeader,
     RunFileError,
     UnknownUnit,
     WrongUnit,
@@ -72,6 +73,37 @@ def test_mapping_wins_over_another_column_of_the_right_name(tmp_path: Path) -> N
     run = read_run(path, mapping={"speed_rad_s": {"column": "speed_filtered"}})
 
     assert np.array_equal(run.speed, columns["speed_filtered"])
+
+
+@pytest.mark.parametrize("above", ["", "%  1  time\n%  2  3  battery, motor [V]\n", "# log 7\n"])
+@pytest.mark.parametrize("delimiter", [" ", "; ", ", "])
+def test_columns_without_a_header_are_mapped_by_number(
+    tmp_path: Path, delimiter: str, above: str
+) -> None:
+    """Lines that a microcontroller prints, time in ms and speed in rpm, with the record behind."""
+    wanted = record()
+    columns = [wanted["time_s"] * 1e3, np.full(40, 12.0), *list(wanted.values())[1:4]]
+    lines = [delimiter.join(map(repr, row)) for row in np.column_stack(columns).tolist()]
+    path = tmp_path / "run.txt"
+    path.write_text(above + "\n".join(lines) + "\n", encoding="utf-8")
+    numbered = {
+        "time_s": {"column": "column 1", "unit": "ms"},
+        "voltage_V": {"column": "column 3"},
+        "current_A": {"column": "column 4"},
+        "speed_rad_s": {"column": "column 5", "unit": "rpm"},
+    }
+
+    run = read_run(path, mapping=numbered)
+
+    assert run.rows == 40
+    np.testing.assert_allclose(run.time, wanted["time_s"], rtol=1e-12)
+    assert np.array_equal(run.voltage, wanted["voltage_V"])
+    assert np.array_equal(run.current, wanted["current_A"])
+    np.testing.assert_allclose(run.speed, wanted["speed_rad_s"] * np.pi / 30.0, rtol=1e-12)
+    assert run.sources["voltage_V"].header == "column 3"
+    del numbered["current_A"]
+    with pytest.raises(NoHeader, match=r"no column for current_A: .* 5 columns, .*'column 5'"):
+        read_run(path, mapping=numbered)
 
 
 def test_unit_in_the_header_holds_for_a_mapped_column(tmp_path: Path) -> None:

@@ -21,14 +21,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from identification.errors import (
-    HeaderTooLong,
-    NoHeader,
-    NotANumber,
-    RaggedRow,
-    RunFileError,
-    UnsupportedContent,
-)
+from identification.errors import HeaderTooLong, NotANumber, RaggedRow, UnsupportedContent
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.names import LONGEST_CELL, is_channel_name, is_units_row
@@ -76,17 +69,17 @@ class HeaderRows:
     ) -> list[tuple[Line, list[str]]]:
         """Find the header rows above the first sample, each with its cells, from top to bottom.
 
-        Comments are searched if the lines hold no header; names from the preamble of a device stand
-        for a missing one.
+        Comments are searched if the lines hold no header.  Without any header the one row is blank:
+        the columns have names from the preamble of a device, or numbers.
 
         Raises:
-            RunFileError: No line above the samples names their columns, a header cell is too long,
-                or a line between names and samples is a damaged sample.
+            RunFileError: The header has another number of cells than the samples, one of its cells
+                is too long, or a line between names and samples is a damaged sample.
         """
         before = [line for line in comments if line.number < self._sample.number]
         rows = self._collect(lines) or self._collect(before)
         if not rows and not names:
-            raise self._headless(lines)
+            self._refuse_ragged(lines)
         return rows or [(self._sample, [""] * self._fields)]
 
     def _collect(self, lines: list[Line]) -> list[tuple[Line, list[str]]]:
@@ -146,8 +139,8 @@ class HeaderRows:
             value=cells[at],
         )
 
-    def _headless(self, lines: list[Line]) -> RunFileError:
-        """Error for samples that have no matching row of names above them."""
+    def _refuse_ragged(self, lines: list[Line]) -> None:
+        """Raise if the line above the samples has names, but another number of cells."""
         last = split_cells(lines[-1].text, self._delimiter) if lines else []
         # Each of n numbers with a decimal comma has one or two fields.
         is_halved = self._delimiter == "," and len(last) < self._fields <= 2 * len(last)
@@ -156,25 +149,20 @@ class HeaderRows:
         # Fields between commas may be digits after a decimal comma, such as 001.
         has_fractions = self._delimiter == "," and any(map(_FRACTION.fullmatch, self._sample_cells))
         if is_whole and ((is_named and is_halved) or has_fractions):
-            return RaggedRow(
+            raise RaggedRow(
                 f"the comma is both the decimal sign and the delimiter, which makes {self._fields} "
                 "fields of each sample; export with a decimal point, or with a semicolon or tab "
                 "as the delimiter",
                 row=self._sample.number,
                 value=self._fields,
             )
-        if not is_named:
-            return NoHeader(
-                f"the samples have no header that names their {self._fields} columns; "
-                "add a header such as time_s,voltage_V,current_A,speed_rad_s,temperature_degC",
+        if is_named:
+            raise RaggedRow(
+                f"the samples have {self._fields} fields and the header has {len(last)}; write one "
+                "name for each column",
                 row=self._sample.number,
+                value=self._fields,
             )
-        return RaggedRow(
-            f"the samples have {self._fields} fields and the header has {len(last)}; write one "
-            "name for each column",
-            row=self._sample.number,
-            value=self._fields,
-        )
 
 
 @dataclass(frozen=True)
