@@ -269,10 +269,15 @@ def _unit(name: str, column: Column) -> Unit:
             examples=[example(name, column)],
         )
     if not column.unit_texts:
+        # One message for a name of two optional channels, such as theta.
+        both = [n for n in OPTIONAL_CHANNELS if CHANNEL_QUANTITIES[n] in column.quantities]
+        possible = both if name in OPTIONAL_CHANNELS else [name]
+        units = ", ".join(accepted_spellings(canonical_unit(n).quantity) for n in possible)
         raise AmbiguousUnit(
-            f"the column may be {name}, but has no unit; write one of {accepted} in the header",
+            f"the column may be {' or '.join(possible)}, but has no unit; write one of {units} in "
+            "the header",
             column=column.label,
-            examples=[example(name, column)],
+            examples=[example(n, column) for n in possible],
         )
     unit = column.unit
     if unit is None:

@@ -17,6 +17,7 @@ from identification.errors import (
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import OPTIONAL_CHANNELS
 from identification.ingest.names import (
+    is_sample_number,
     is_setpoint,
     is_units_row,
     read_header,
@@ -130,22 +131,22 @@ def describe_column(index: int, names: Sequence[str], units: Sequence[str] = ())
 def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
     """Columns that resemble the channel; for messages only."""
     quantity = CHANNEL_QUANTITIES[name]
-    is_chopped = name == "voltage_V" and any("duty" in column.quantities for column in columns)
+    is_chopped = any("duty" in column.quantities for column in columns)
+    kin = {quantity} if name != "voltage_V" or is_chopped else {quantity, "bus voltage"}
     return [
         column
         for column in columns
-        if not (is_chopped and "bus voltage" in column.quantities)
-        and (
-            any(similar_to(text, quantity) for text in column.texts)
-            or quantity in column.quantities
-            or (
-                column.unit is not None
-                and column.unit.quantity == quantity
-                and not column.quantities
-                and not any(map(is_setpoint, column.texts))
-            )
-        )
+        if quantity in column.quantities
+        or (column.quantities <= kin and _resembles(column, quantity))
     ]
+
+
+def _resembles(column: Column, quantity: str) -> bool:
+    """Whether a column has a similar name, or no known name and a unit of the quantity."""
+    if any(similar_to(text, quantity) for text in column.texts):
+        return True
+    is_of = column.unit is not None and column.unit.quantity == quantity
+    return is_of and not column.quantities and not any(map(is_setpoint, column.texts))
 
 
 def unknown_unit(name: str, column: Column, accepted: str) -> RunFileError:
@@ -192,29 +193,48 @@ def missing_columns(
             for channel, entry in example(name, next(iter(similar[name]), None)).items()
         }
     ]
-    angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
+    hint, derived = _derivations(names, free)
+    is_needed = similar.get("current_A") == [] and "speed_rad_s" not in names
+    needed = _NO_CURRENT if is_needed else ""
+    absent = ", ".join(name for name in names if not similar[name])
+    remedy = f"log {absent}, which no column resembles" if absent else "name them in the header"
+    return MissingColumn(
+        f"no column for {', '.join(names)}{nearest}{needed}; the file has "
+        f"{listed(column.title for column in columns)}; {remedy}{hint}",
+        column=names[0],
+        examples=[*examples, *derived],
+    )
+
+
+_NO_CURRENT = (
+    " (without a current, voltage and speed determine only the gain and the time constant "
+    "between them, not Ra25, Kt25, J and b)"
+)
+
+
+def _derivations(names: Sequence[str], free: Sequence[Column]) -> tuple[str, list[Example]]:
+    """Hint and examples of mappings that derive missing channels from other columns."""
     hint = ""
+    examples: list[Example] = []
+    counters = [c for c in free if any(map(is_sample_number, c.texts))] if "time_s" in names else []
+    if counters:
+        hint += f" (the time may be {quoted(counters[0].title)} times the sampling interval)"
+        examples.append(scaled_example("time_s", counters[0], "SECONDS_PER_SAMPLE"))
     duties = [c for c in free if _may_be_duty(c)] if "voltage_V" in names else []
     if duties:
-        hint = (
+        hint += (
             f" (the voltage may be {quoted(duties[0].title)} times a column of the bus voltage, "
             "or, where that is constant, times a scale)"
         )
         examples.append(scaled_example("voltage_V", duties[0], "VOLT_PER_DUTY"))
+    angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
     if angles:
         hint += (
             " (the speed may be derived from an angle or encoder count, "
             f"{quoted(angles[0].title)} mapped to position_rad)"
         )
         examples.append(scaled_example("position_rad", angles[0], "RAD_PER_COUNT"))
-    absent = ", ".join(name for name in names if not similar[name])
-    remedy = f"log {absent}, which no column resembles" if absent else "name them in the header"
-    return MissingColumn(
-        f"no column for {', '.join(names)}{nearest}; the file has "
-        f"{listed(column.title for column in columns)}; {remedy}{hint}",
-        column=names[0],
-        examples=examples,
-    )
+    return hint, examples
 
 
 def _without_header(names: Sequence[str], count: int) -> RunFileError:

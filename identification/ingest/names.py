@@ -34,6 +34,7 @@ __all__ = [
     "NAMES",
     "HeaderText",
     "is_channel_name",
+    "is_sample_number",
     "is_setpoint",
     "is_units_row",
     "read_header",
@@ -144,6 +145,15 @@ def unbracketed(cell: str) -> str:
     return parts[1] if parts is not None and not parts[0] else cell
 
 
+def is_sample_number(text: str) -> bool:
+    """Return True for a name of a sample counter, which is a time but for the interval."""
+    words = [word for word in _words(text[:LONGEST_CELL]) if word not in ("number", "nr", "no")]
+    return len(words) == 1 and words[0] in _COUNTERS
+
+
+_COUNTERS = frozenset("sample samples index idx row tick ticks step".split())
+
+
 def is_setpoint(text: str) -> bool:
     """Return True for setpoints and limits, so that no message suggests to fit a command."""
     words = _words(text[:LONGEST_CELL])
@@ -158,19 +168,23 @@ def similar_to(text: str, quantity: str) -> bool:
     if quantity != "duty" and is_setpoint(text):
         return False
     words = _words(text[:LONGEST_CELL])
-    wanted = [name for name in NAMES[quantity] if len(name) > 2]
-    if any(word.startswith(name) for word in words for name in wanted):
-        return True
     # Abbreviations used by loggers: m1cur, mot_vel.
-    return any(part in word for word in words for part in _FRAGMENTS.get(quantity, ()))
+    starts = [name for name in NAMES[quantity] if len(name) > 2] + _STEMS.get(quantity, [])
+    starts += [part + start for part in COMPOUND_PARTS for start in starts]
+    fragments = _FRAGMENTS.get(quantity, ())
+    return any(word.startswith(tuple(starts)) for word in words) or any(
+        part in word for part in fragments for word in words
+    )
 
 
+# Three letters within a word are those of another one: sample, timestamp, accuracy, level.
+_STEMS = {"current": ["cur", "amps", "amper"]}
 _FRAGMENTS = {
     "voltage": ("volt",),
-    "current": ("cur", "amp"),
-    "speed": ("vel", "speed", "rpm"),
+    "current": ("current",),
+    "speed": ("speed", "rpm"),
     "temperature": ("temp",),
-    "angle": ("pos", "angle", "encoder", "count", "geber", "winkel", "inkrement"),
+    "angle": ("angle", "encoder", "count", "geber", "winkel", "inkrement"),
 }
 
 

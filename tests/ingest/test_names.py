@@ -96,6 +96,14 @@ def test_voltage_of_the_supply_is_not_that_of_the_motor(text: str) -> None:
         ("voltage_ref", "voltage", False),
         ("battery voltage", "voltage", True),
         ("battery voltage", "current", False),
+        ("amps_left", "current", True),
+        ("motorcur", "current", True),
+        ("wheelrpm", "speed", True),
+        ("Sample", "current", False),
+        ("Timestamp", "current", False),
+        ("accuracy", "current", False),
+        ("fill level", "speed", False),
+        ("purpose", "angle", False),
     ],
 )
 def test_similar_header_is_offered_unless_it_is_a_command(

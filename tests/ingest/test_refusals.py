@@ -67,6 +67,43 @@ def test_mapping_of_the_error_reads_a_file_in_another_unit(
         read_run(path, name="run4.csv", mapping=example)
 
 
+def test_sample_counter_is_offered_as_a_time_and_never_as_a_current(tmp_path: Path) -> None:
+    """Counter, PWM count and rpm, as boards without a current sensor print them.
+
+    The counter times an interval, with the other channels, is a run.
+    """
+    columns = {"Sample": np.arange(40.0), "PWM": record()["voltage_V"] * 10.0}
+    path = tmp_path / "run3.csv"
+    path.write_bytes(write({**columns, "Motor Speed (RPM)": record()["speed_rad_s"]}))
+
+    with pytest.raises(errors.MissingColumn) as caught:
+        read_run(path)
+
+    text = str(caught.value)
+    assert "current_A may be" not in text
+    assert "without a current, voltage and speed determine only the gain" in text
+    wanted = {"time_s": {"column": "Sample", "scale": "SECONDS_PER_SAMPLE"}}
+    assert wanted in caught.value.examples
+    entries = {"time_s": {"column": "Sample", "scale": 1e-3}, "voltage_V": {"column": "PWM"}}
+    path.write_bytes(write({**columns, "n [rpm]": columns["PWM"], "I [A]": record()["current_A"]}))
+    assert np.array_equal(read_run(path, mapping=entries).time, columns["Sample"] * 1e-3)
+
+
+def test_name_of_angle_and_temperature_without_a_unit_gives_one_message(tmp_path: Path) -> None:
+    """The mappings are alternatives: both together would use the column twice."""
+    path = tmp_path / "run3.csv"
+    theta = record()["temperature_degC"]
+    path.write_bytes(write({**{name: record()[name] for name in CANONICAL[:4]}, "theta": theta}))
+
+    with pytest.raises(errors.AmbiguousUnit, match="temperature_degC or position_rad") as caught:
+        read_run(path)
+
+    assert caught.value.further == ()
+    assert [list(one) for one in caught.value.examples] == [["temperature_degC"], ["position_rad"]]
+    for entry in caught.value.examples:
+        assert read_run(path, mapping=entry).rows == 40
+
+
 def test_table_of_broken_files_covers_every_error_that_a_file_can_cause() -> None:
     """Each leaf below RunFileError is caused by a file of the table or by a test below."""
     leaves = {leaf for leaf in errors.RunFileError.__subclasses__()}
