@@ -11,10 +11,10 @@ have the poles s of
 
     s^2 + (Ra/L + b/J) s + (Kt^2 + Ra b)/(L J) = 0
 
-An L that the runs do not determine is replaced by that of a typical winding, as its estimate is
-arbitrary.  A transient is resolved if the sampling interval is at most its time constant
-1/abs(s): in a longer one, more than 63 % of it pass unseen.  A complex pair counts as one transient
-of both balances.
+Time constants that the runs do not determine are arbitrary: L/Ra is then that of a typical winding,
+and J Ra/Kt^2 at least that of a fast motor.  A transient is resolved if the sampling interval is at
+most its time constant 1/abs(s): in a longer one, more than 63 % of it pass unseen.  A complex pair
+counts as one transient of both balances.
 
 Source: Ljung, System Identification, 2nd edition (1999), section 7.4 (Cramer-Rao bound), chapter 13
 (experiment design), and section 13.7 (choice of the sampling interval), where ten samples in the
@@ -31,14 +31,17 @@ from typing import Final
 import numpy as np
 
 from identification.design.models import TYPICAL_ELECTRICAL_S
+from identification.diagnosis.residual import pooled_errors
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.gains import current_gains, with_one_gain
 from identification.fit.identifiability import precision_of
 from identification.fit.noise import effective_fraction
+from identification.fit.solve import Fit
 from identification.model.declared import DECLARED
 from identification.model.excitation import Record, sample_interval
 from identification.preview.excitation import Excitation
+from identification.reporting.summary import POOR_FIT
 from identification.selection.subset import informative_segments
 
 __all__ = ["Prospect", "prospects_of", "sampling_note"]
@@ -61,6 +64,9 @@ _ADVICE: Final = {
     "b": "several constant speeds without load, in both directions",
     "L": "voltage steps, sampled several times within L/Ra",
 }
+
+_FAST_MECHANICAL_S: Final = 5e-3
+"""Shortest mechanical time constant of most motors without a load; docs/record-runs.md [s]."""
 
 _WANTED: Final = {"L": 5.0, "J": 20.0}
 """Advised number of samples in the time constant that determines the parameter."""
@@ -111,10 +117,16 @@ def prospects_of(
     gain = math.sqrt(rows / used)
     relative = {name: p.sd / gain / abs(p.estimate) for name, p in precision.items() if p.estimate}
     values, interval = {n: p.estimate for n, p in precision.items()}, sample_interval(records)
-    is_typical = not precision["L"].sd / gain < precision["L"].limit
+    known = {name for name, p in precision.items() if p.sd / gain < p.limit}
+    is_typical = not {"Ra25", "L"} <= known
     if is_typical:
         values["L"] = TYPICAL_ELECTRICAL_S * values["Ra25"]
-    faster, unseen = _sampling_advice(values, interval), _passed_unseen(values, interval)
+    if not {"Ra25", "Kt25", "J"} <= known:
+        values["J"] = max(values["J"], _inertia_of_a_fast_motor(values))
+    poor = _poor_fit_note(fit)
+    # A model that explains little has no time constants.
+    faster = {} if poor else _sampling_advice(values, interval)
+    unseen = frozenset() if poor else _passed_unseen(values, interval)
     found = []
     for parameter in DECLARED:
         bound = precision[parameter.name]
@@ -133,8 +145,35 @@ def prospects_of(
         found.append(
             Prospect(parameter.name, bound.estimate, parameter.unit, sd, lacking < 1.0, advice)
         )
-    slow = sampling_note(values, interval, is_typical)
-    return found, [*([slow] if slow else []), *map(str, campaign.warnings)]
+    first = poor or sampling_note(values, interval, is_typical)
+    return found, [*([first] if first else []), *map(str, campaign.warnings)]
+
+
+def _poor_fit_note(fit: Fit) -> str:
+    """Remark on a nominal model that explains little of every channel that changes, or empty."""
+    measured = [record.measured for record in fit.simulator.records]
+    errors = {
+        name: pooled_errors(
+            [residual[:, k] for residual in fit.residuals()], [one[:, k] for one in measured]
+        ).nrmse
+        for k, name in enumerate(("current", "speed"))
+        if any(np.ptp(one[:, k]) > 0.0 for one in measured)
+    }
+    if not errors or min(errors.values()) <= POOR_FIT:
+        return ""
+    little = " and ".join(f"the {name} (NRMSE {100 * x:.3g} %)" for name, x in errors.items())
+    return (
+        f"the nominal model explains little of {little}, so that no time constant and no sampling "
+        "rate follow from it; check that voltage_V is the voltage at the motor terminals and not "
+        "that of a supply or of a set point, and that all channels are of one motor; else a large "
+        "effect is missing, such as friction, or the signals are mostly noise"
+    )
+
+
+def _inertia_of_a_fast_motor(values: Mapping[str, float]) -> float:
+    """Inertia with which a motor has the shortest usual mechanical time constant [kg m^2]."""
+    ra, kt, friction = (values[name] for name in ("Ra25", "Kt25", "b"))
+    return _FAST_MECHANICAL_S * (kt**2 / ra + friction) if ra > 0.0 else 0.0
 
 
 def _warmer(excitation: Excitation, lacking: float, relative: float, limit: float) -> str:

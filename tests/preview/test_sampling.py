@@ -98,3 +98,45 @@ def test_an_inductance_that_the_runs_do_not_show_yields_the_rate_of_a_typical_wi
         wanted = re.match(r"sample at ([\d.]+) Hz or faster", text)
         assert wanted is not None, text
         assert 4e3 < float(wanted[1]) < 8e3
+
+
+def chopped(rows: int, seed: int) -> Run:
+    """Run of a chopped servo, of which the log has the supply voltage and whole degrees.
+
+    Structure of public logs of position-controlled servos: the controller switches the motor, the
+    log has the constant supply, and the speed is the difference of a coarse angle.
+    """
+    run = campaign(replace(SERVO, dwell=20), seed=seed, runs=1, rows=600, noise=0.02)[0]
+    interval, degree = np.diff(run.time), np.pi / 180.0
+    angle = np.concatenate(([0.0], np.cumsum(run.speed[1:] * interval)))
+    speed = np.diff(np.round(angle / degree) * degree) / interval
+    kept = slice(1, rows)
+    supply = np.full(rows - 1, 24.0)
+    return Run(run.name, run.sha256, run.time[kept], supply, run.current[kept], speed[: rows - 1])
+
+
+@pytest.mark.parametrize(("rows", "seed"), [(200, 3), (200, 5), (600, 4)])
+def test_time_constants_that_the_runs_do_not_determine_yield_no_rate(rows: int, seed: int) -> None:
+    """From arbitrary estimates, rates of 230 kHz and 480 MHz were advised.
+
+    Nothing beyond five samples in the 1 ms of a typical winding follows from these runs, and 1 ms
+    a sample is not too long for the time constants of 3 and 12 ms.
+    """
+    found = check(chopped(rows, seed))
+
+    texts = [*advice(found).values(), *found.notes]
+    rates = [float(rate) for text in texts for rate in re.findall(r"sample at ([\d.e+]+) Hz", text)]
+    assert max(rates, default=0.0) <= 5e3
+    assert not any("is too long for this motor" in text for text in texts)
+
+
+def test_model_that_explains_little_is_noted_before_anything_else() -> None:
+    """At a constant voltage the model predicts a constant current and speed, and both change."""
+    found = check(chopped(600, 3))
+
+    assert re.match(
+        r"the nominal model explains little of the current \(NRMSE \d+\.\d %\) and the speed "
+        r"\(NRMSE .*check that voltage_V is the voltage at the motor terminals",
+        found.notes[0],
+    )
+    assert not any("explains little" in note for note in check(decimated(1)).notes)
