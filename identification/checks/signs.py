@@ -19,19 +19,27 @@ A magnitude keeps one sign while the voltage reverses.  It leaves the voltage ba
 and the balance holds once the sign is restored.  The restored sign is that of the voltage minus the
 other term, so that a braked or reversed motor keeps its direction of rotation.  Signs and
 regression are computed alternately.  The speed keeps one sign between two standstills; the current
-may change its sign at any sample.
+may change its sign at any sample.  Where voltage and current are magnitudes, only their signs
+relative to the speed count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.balance import Balance, Regression, Signals, balances_of, reverses
+from identification.checks.balance import (
+    CHANNELS,
+    Balance,
+    Regression,
+    Signals,
+    balances_of,
+    reverses,
+)
 from identification.checks.finding import Finding, exchange, factor
 from identification.ingest.run import Run
 
@@ -203,24 +211,27 @@ def _is_turned(electrical: Regression, k: int) -> bool:
 def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
     """Findings for channels of a run that hold magnitudes."""
     unsigned = [
-        name
-        for name, signal in (("current_A", signals.current), ("speed_rad_s", signals.speed))
-        if not reverses(signal) and np.ptp(signal) > 0.0
+        column
+        for column, name in CHANNELS.items()
+        if not reverses(getattr(signals, name)) and np.ptp(getattr(signals, name)) > 0.0
     ]
-    if not unsigned or not reverses(signals.voltage):
-        return []
     before = _missed(signals)
-    choices = [[name] for name in unsigned] + ([unsigned] if len(unsigned) == 2 else [])
-    for names in choices:
-        after = _missed(_signed(signals, names))
-        if before > _UNSIGNED_MISSED and after < _UNSIGNED_BETTER * before:
+    if before <= _UNSIGNED_MISSED:
+        return []
+    for names, restored in _restored(signals, unsigned):
+        # A restored voltage has another variance: compare the same squares.
+        scale = float(np.var(restored.voltage) / np.var(signals.voltage))
+        after = _missed(restored) * scale
+        if after < _UNSIGNED_BETTER * before:
+            others = [name for name in CHANNELS if name not in unsigned]
+            reversing = f"it keeps one sign unlike {' and '.join(others)}" if others else ""
             return [
                 Finding(
                     "unsigned_channel",
                     "refuse",
                     run.name,
                     name,
-                    "contains magnitudes: it keeps one sign while the voltage reverses, and the "
+                    f"contains magnitudes: {reversing or 'no channel is ever negative'}, and the "
                     "voltage balance holds only with the sign restored; log the signed value, a "
                     "motor cannot be identified from magnitudes",
                     "unexplained fraction of the voltage variance",
@@ -230,6 +241,19 @@ def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
                 for name in names
             ]
     return []
+
+
+def _restored(signals: Signals, unsigned: list[str]) -> Iterator[tuple[list[str], Signals]]:
+    """Possible sets of magnitudes, each with the signals whose signs are restored."""
+    if not unsigned or not np.ptp(signals.voltage) > 0.0:
+        return
+    if "voltage_V" not in unsigned:
+        choices = [[name] for name in unsigned] + ([unsigned] if len(unsigned) == 2 else [])
+        yield from ((names, _signed(signals, names)) for names in choices)
+    elif unsigned == ["voltage_V"]:
+        yield unsigned, _with_signed_voltage(signals)
+    elif "current_A" in unsigned:
+        yield unsigned, _relative_to_speed(signals)
 
 
 def _missed(signals: Signals) -> float:
@@ -247,17 +271,55 @@ def _signed(signals: Signals, names: list[str]) -> Signals:
     if "speed_rad_s" in names:
         speed = _by_region(signals.speed, sign)
     for _ in range(_TURNS):
-        balances: list[Balance] = balances_of(replace(signals, current=current, speed=speed))
-        fit = balances[-1].electrical if balances else None
-        if fit is None:
+        found = _coefficients(replace(signals, current=current, speed=speed))
+        if found is None:
             break
-        resistance, constant = max(float(fit.values[0]), 0.0), max(float(fit.values[1]), 0.0)
+        resistance, constant = found
         if "current_A" in names:
             left = signals.voltage - constant * speed
             current = np.where(left < 0.0, -1.0, 1.0) * signals.current
         if "speed_rad_s" in names:
             speed = _by_region(signals.speed, signals.voltage - resistance * current)
     return replace(signals, current=current, speed=speed)
+
+
+def _with_signed_voltage(signals: Signals) -> Signals:
+    """Signals with the sign of the voltage restored from current and speed."""
+    sign = np.where(signals.current < 0.0, -1.0, 1.0)
+    for _ in range(_TURNS):
+        found = _coefficients(replace(signals, voltage=sign * signals.voltage))
+        if found is None:
+            break
+        drive = found[0] * signals.current + found[1] * signals.speed
+        sign = np.where(drive < 0.0, -1.0, 1.0)
+    return replace(signals, voltage=sign * signals.voltage)
+
+
+def _relative_to_speed(signals: Signals) -> Signals:
+    """Signals with voltage and current signed relative to the speed, which becomes positive.
+
+    A motor that drives or generates has abs(R i) = abs(v - K w) with a positive v; one that is
+    braked by a reversed voltage has R i = v + K w in magnitudes.
+    """
+    volts, amperes, speed = map(np.abs, (signals.voltage, signals.current, signals.speed))
+    voltage, current = volts, amperes
+    for _ in range(_TURNS):
+        now = replace(signals, voltage=voltage, current=current, speed=speed)
+        found = _coefficients(now)
+        if found is None:
+            break
+        drop, induced = found[0] * amperes, found[1] * speed
+        is_braked = np.abs(drop - volts - induced) < np.abs(drop - np.abs(volts - induced))
+        voltage = np.where(is_braked, -volts, volts)
+        current = np.where(voltage < induced, -amperes, amperes)
+    return replace(signals, voltage=voltage, current=current, speed=speed)
+
+
+def _coefficients(signals: Signals) -> tuple[float, float] | None:
+    """R and K of the voltage balance over the longest windows, not below zero; None if unknown."""
+    balances = balances_of(signals)
+    fit = balances[-1].electrical if balances else None
+    return None if fit is None else (max(float(fit.values[0]), 0.0), max(float(fit.values[1]), 0.0))
 
 
 def _by_region(speed: Array, drive: Array) -> Array:

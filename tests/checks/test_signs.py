@@ -42,6 +42,48 @@ def test_two_channels_of_magnitudes_are_both_reported() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    "channels",
+    [
+        ("voltage_V",),
+        ("voltage_V", "current_A"),
+        ("voltage_V", "current_A", "speed_rad_s"),
+    ],
+)
+@pytest.mark.parametrize("seed", [7, 8])
+def test_voltage_of_magnitudes_is_reported(channels: tuple[str, ...], seed: int) -> None:
+    """A board logs the duty as a magnitude and the direction in a column of its own.
+
+    A current sensor in the supply lead and a pulse counter lose the sign, too.
+    """
+    columns = motor(seed=seed)
+    for channel in channels:
+        columns[channel] = np.abs(columns[channel])
+
+    assert contradictions(columns) == [("unsigned_channel", channel) for channel in channels]
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2, 0.5])
+@pytest.mark.parametrize("seed", range(4))
+def test_motor_of_one_direction_is_no_magnitude(seed: int, noise: float) -> None:
+    """Voltage, current and speed are positive, apart from the noise, and the current is coarse."""
+    generator = np.random.default_rng(seed)
+    columns = motor()
+    level = np.repeat(generator.uniform(2.0, 12.0, ROWS // 100), 100)
+    speed, drag = np.zeros(ROWS), 0.4
+    for k in range(ROWS - 1):
+        current = max((level[k] - 0.07 * speed[k]) / 0.6, 0.0)
+        speed[k + 1] = max(speed[k] + 1e-3 * (0.07 * current - drag) / 2e-3, 0.0)
+    current = np.maximum((level - 0.07 * speed) / 0.6, 0.0)
+    measured = current + generator.normal(0.0, noise * np.std(current), ROWS)
+    # A diode keeps the current positive: where it blocks, the motor is at its induced voltage.
+    columns["voltage_V"] = np.maximum(level, 0.07 * speed)
+    columns["current_A"] = np.abs(np.round(measured / 0.05) * 0.05)
+    columns["speed_rad_s"] = speed + generator.normal(0.0, 0.1, ROWS)
+
+    assert contradictions(columns) == []
+
+
 def test_braking_by_reversed_voltage_is_no_unsigned_speed() -> None:
     """300 samples of acceleration, then 100 of braking, too few to reverse the motion."""
     columns = motor(400)
