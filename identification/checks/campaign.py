@@ -26,6 +26,8 @@ from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
 from identification.checks.limited import (
     CurrentLimit,
+    coasting_finding,
+    coasting_of,
     current_limit_of,
     limited_finding,
     without_limited,
@@ -78,6 +80,8 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     limits = [(run, _limit_of(run)) for run in runs]
     runs = tuple(without_limited(run, limit) for run, limit in limits)
+    coasts = [(run, coasting_of(run)) for run in runs]
+    runs = tuple(without_limited(run, coasting) for run, coasting in coasts)
     joints = [(run, joints_of(run)) for run in runs]
     runs = tuple(divided(run, places) for run, places in joints)
     held = _currents_at_standstill(runs)
@@ -100,6 +104,7 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     found += plausibility_findings(runs, agreeing)
     found += [joined_finding(run, places) for run, places in joints if places]
     found += [limited_finding(run, limit) for run, limit in limits if limit]
+    found += [coasting_finding(run, coasting) for run, coasting in coasts if coasting]
     order = {"refuse": 0, "suspect": 1}
     return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])), runs)
 

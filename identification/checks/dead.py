@@ -171,6 +171,8 @@ def stuck_findings(run: Run, signals: Signals) -> Iterator[Finding]:
         start, stop, usual = _longest_stay(signal)
         if stop - start < max(_STAY, _STAYS * usual) or stop - start == signals.time.size:
             continue
+        if not signals.joined[start : stop - 1].any():
+            continue
         ratio, share = _inside(signals, start, stop)
         if ratio > _STUCK and share > _STUCK_SHARE:
             yield Finding(
@@ -178,7 +180,7 @@ def stuck_findings(run: Run, signals: Signals) -> Iterator[Finding]:
                 "refuse",
                 run.name,
                 column,
-                f"is constant at {signal[start]:.6g} for {stop - start} samples from "
+                f"is constant at {signal[start] + 0.0:.6g} for {stop - start} samples from "
                 f"{signals.time[start]:.6g} s while the other channels change; cut the file there",
                 "RMS error of the voltage balance relative to the other samples",
                 ratio,

@@ -1,4 +1,4 @@
-"""Detection of a drive that limits the current while the set point of its voltage is logged.
+"""Detection of samples at which the motor has another voltage than the logged one.
 
 A linear motor under a held or sloped voltage obeys, exactly and at any interval,
 
@@ -8,6 +8,9 @@ A drive at its current limit lowers the voltage at the motor, so that the curren
 while this regression, fitted to the other samples, predicts larger currents of any size.  A sensor
 that saturates before its converter adds noise looks the same.  Either way the samples at the limit
 say nothing of the motor.  The fit omits them and starts again after each of them.
+
+A bridge that is switched off lets the motor coast: the log has no voltage, the motor has its
+induced one, and the current stays at zero while the regression predicts that of a braked motor.
 
 A motor that holds its highest current by itself, at a locked shaft or a constant load, agrees with
 the regression, and an effect at high currents gives all samples of the level one residual.
@@ -28,7 +31,14 @@ from identification.checks.finding import Finding
 from identification.ingest.run import Run
 from identification.linear import solution
 
-__all__ = ["CurrentLimit", "current_limit_of", "limited_finding", "without_limited"]
+__all__ = [
+    "CurrentLimit",
+    "coasting_finding",
+    "coasting_of",
+    "current_limit_of",
+    "limited_finding",
+    "without_limited",
+]
 
 _STAY: Final = 5
 """Fewest samples at one level: noise alone keeps a current that changes there for two or three."""
@@ -49,14 +59,24 @@ _RIDGE: Final = 1e-12
 """Regularisation per sample of the regression, whose regressors have a mean square of one."""
 
 
+_FAST: Final = 0.3
+"""Least speed of the samples that prove a coasting motor, over the highest speed: the voltage that
+brushes lose stops the current of a braked motor at lower speeds."""
+_BRAKING: Final = 5.0
+"""Least lower quartile of the predicted braking current [deviations of the regression]."""
+_NO_VOLTAGE: Final = 0.01
+"""Largest voltage of a bridge that is off, over the highest voltage."""
+
+
 @dataclass(frozen=True)
 class CurrentLimit:
-    """Samples at which a drive limits the current."""
+    """Samples at which a drive limits the current, or holds it at zero."""
 
     level: float
-    """Largest level of the two directions [A]."""
+    """Largest level of the two directions; zero for a motor that coasts [A]."""
     excess: float
-    """Median predicted excess over the level, in deviations of the regression."""
+    """Predicted excess over the level, in deviations of the regression: its median, or its lower
+    quartile where the motor coasts."""
     limited: NDArray[np.bool_]
     """(n_sample,) True at these samples."""
 
@@ -96,6 +116,30 @@ def current_limit_of(run: Run) -> CurrentLimit | None:
     return CurrentLimit(max(level for level, _ in found), max(over for _, over in found), limited)
 
 
+def coasting_of(run: Run) -> CurrentLimit | None:
+    """Samples of a run at which the bridge is off; None if there are none."""
+    signals = signals_of(run, samples=run.rows)
+    current, voltage, speed = map(np.abs, (signals.current, signals.voltage, signals.speed))
+    idle = (
+        (current <= _NEAR * _noise(signals.current))
+        & (voltage <= _NO_VOLTAGE * float(voltage.max()))
+        & (speed > _NEAR * _noise(signals.speed))
+    )
+    held = idle[1:] & idle[:-1] & signals.joined
+    fast = held & (speed[1:] > _FAST * float(speed.max()))
+    used = signals.joined & ~_around(idle)
+    if np.count_nonzero(fast) < _FEWEST or np.count_nonzero(used) < _REGRESSED:
+        return None
+    missing, deviation = _missing(signals, used)
+    braking = float(np.quantile((-np.sign(signals.speed[1:]) * missing / deviation)[fast], 0.25))
+    if braking < _BRAKING:
+        return None
+    limited = np.zeros(run.rows, dtype=bool)
+    limited[1:] |= held
+    limited[:-1] |= held
+    return CurrentLimit(0.0, braking, limited)
+
+
 def without_limited(run: Run, limit: CurrentLimit | None) -> Run:
     """The run with a segment for each of the stretches between the limited samples."""
     if limit is None:
@@ -123,6 +167,24 @@ def limited_finding(run: Run, limit: CurrentLimit) -> Finding:
         limit.excess,
         _DEVIATIONS,
         remedy="log the voltage at the motor terminals, or stay below the limit",
+    )
+
+
+def coasting_finding(run: Run, coasting: CurrentLimit) -> Finding:
+    """Suspicion that the bridge is off at some samples, so that the motor coasts."""
+    share = 100.0 * float(coasting.limited.mean())
+    return Finding(
+        "coasting",
+        "suspect",
+        run.name,
+        "voltage_V",
+        "is logged as zero while the motor turns without current: the bridge is off and the motor "
+        "coasts at its induced voltage, or the current sensor does not measure a braking current; "
+        f"the fit omits these samples ({share:.2g} %)",
+        "predicted braking current in standard deviations, lower quartile",
+        coasting.excess,
+        _BRAKING,
+        remedy="log the voltage at the motor terminals, or let the bridge short the motor",
     )
 
 

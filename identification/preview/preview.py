@@ -188,18 +188,19 @@ def examine(
             errors.append(error)
     if not runs:
         return Preview((), tuple(errors), (), (), (), ())
+    verdict = check_runs(runs)
     together: list[str] = []
     records: tuple[Record, ...] = ()
     # The remaining conditions of a fit that concern all runs together.
     try:
         check_values(runs, ())
-        campaign = campaign_of(runs, ())
+        # Without the samples that a fit omits.
+        campaign = campaign_of(verdict.runs, ())
         records = campaign.training
         together = [str(w) for w in campaign.warnings if w.code != "unknown_temperature"]
     except InputError as error:
         # With an unreadable file the runs are not complete.
         errors += [] if errors else [error]
-    verdict = check_runs(runs)
     fastest = max(float(abs(run.speed).max()) for run in runs)
     each = tuple(excitation_of(run, fastest) for run in runs)
     notes = (*together, *_notes(runs, joined(each)))
