@@ -1,7 +1,7 @@
 """Headless Chromium: rendered page, console messages and network requests.
 
-The browser is started for each page with a new profile.  Its network log contains every request of
-the page, with or without a response.
+`show` starts the browser for each page with a new profile.  Its network log contains every request
+of the page, with or without a response.  `launched` and `opened` are for tests that use a page.
 """
 
 from __future__ import annotations

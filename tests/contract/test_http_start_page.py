@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.app.browser import browsing, needs_browser, wait_until_settled
+from tests.app.browser import needs_browser, opened, wait_until_settled
 from tests.app.pretended import SLOW
 from tests.app.service import Caller, Server, empty, run_text, serving
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
@@ -31,11 +31,11 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 
 @pytest.fixture
-def page(server: Server) -> Iterator[Page]:
+def page(chromium: Browser, server: Server) -> Iterator[Page]:
     """Start page in a browser, without files, runs and fits of other tests."""
     empty(server)
-    with browsing(server.url) as opened:
-        yield opened
+    with opened(chromium, server.url) as shown:
+        yield shown
 
 
 def drop(page: Page, directory: Path, *seeds: int) -> None:

@@ -19,16 +19,16 @@ import numpy as np
 import pytest
 import scipy.io
 
-from tests.app.browser import BROWSER, needs_browser, wait_until_settled
+from tests.app.browser import needs_browser, wait_until_settled
 from tests.app.service import Server, serving
 from tests.app.waiting import WAITS
 from tests.ingest.writers import workbook
 from tests.motors import campaign, motor_named
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Locator, Page, Request, Route
+    from playwright.sync_api import Browser, Locator, Page, Request, Route
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 pytestmark = needs_browser
 
@@ -78,6 +78,7 @@ class Walk:
             self.page.set_viewport_size({"width": width, "height": 900})
             assert self.page.evaluate("document.documentElement.scrollWidth") == width
             assert self.page.evaluate(SMALL) == []
+        self.page.evaluate(AXE)
         for scheme in ("dark", "light"):
             self.page.emulate_media(color_scheme=scheme)
             assert self.findings() == []
@@ -86,7 +87,6 @@ class Walk:
 
     def findings(self) -> list[str]:
         """Serious and critical findings of axe-core, with the elements concerned."""
-        self.page.evaluate(AXE)
         found = self.page.evaluate(
             "axe.run(document, {iframes: false, resultTypes: ['violations']})"
         )
@@ -136,20 +136,16 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def walk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
+def walk(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Walk]:
     """Browser on the start page of an empty service."""
     directory = tmp_path_factory.mktemp("walk")
     pipeline = {"PIPELINE": "tests.app.waiting:identify"}
     with (
         serving(directory / "data", "--no-auth", **pipeline) as server,
-        sync_api.sync_playwright() as playwright,
+        chromium.new_context(timezone_id="Asia/Kolkata") as context,
     ):
-        arguments = ["--no-sandbox", "--disable-dev-shm-usage"]
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
-        context = browser.new_context(timezone_id="Asia/Kolkata")
         context.set_default_timeout(60_000)
         yield Walk(context.new_page(), server)
-        browser.close()
 
 
 def test_user_walks_from_three_files_to_a_report(walk: Walk, files: list[Path]) -> None:
