@@ -12,13 +12,16 @@ from app.cli import main
 from tests.app.pretended import QUICK, SLOW
 from tests.app.service import Caller, Server, make_key, run_text, serving
 
+LEASE = {"LEASE_S": 4, "HEARTBEAT_S": 1}
+"""The restored service takes over the running fit when the lease of the first one has ended."""
+
 
 @pytest.mark.parametrize("name", ["saved", "saved.tar"])
 def test_backup_of_a_busy_service_is_consistent(tmp_path: Path, name: str) -> None:
     """While runs are added and deleted, the backup contains each row with its file."""
     data_dir = tmp_path / "data"
     key = make_key(data_dir)
-    with serving(data_dir, RATE_PER_S=0) as server, Caller(server, key) as caller:
+    with serving(data_dir, RATE_PER_S=0, **LEASE) as server, Caller(server, key) as caller:
         runs = [caller.upload(run_text(seed)) for seed in range(4)]
         ended = caller.wait(caller.begin(runs[0]["id"], seed=QUICK)["id"])
         slow = caller.begin(runs[1]["id"], seed=SLOW)["id"]
@@ -32,7 +35,7 @@ def test_backup_of_a_busy_service_is_consistent(tmp_path: Path, name: str) -> No
     there = tmp_path / "there"
     assert main(["restore", str(tmp_path / name), "--data-dir", str(there)]) == 0
 
-    with serving(there, RATE_PER_S=0) as server, Caller(server, key) as caller:
+    with serving(there, RATE_PER_S=0, **LEASE) as server, Caller(server, key) as caller:
         for run in runs:
             assert caller.http.get(f"/runs/{run['id']}").json() == run
         assert caller.fit(ended["id"]) == ended
