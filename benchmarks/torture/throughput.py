@@ -162,7 +162,7 @@ def turns(
         turn, until = 0, time.monotonic() + kind.seconds
         while True:
             turn += 1
-            while _others() > _QUIET and time.monotonic() < until:
+            while time.monotonic() < until and _others() > _QUIET:
                 pass
             before, own, began = machine_seconds(), tree_seconds(os.getpid()), time.monotonic()
             order = (0, 1) if turn % 2 else (1, 0)

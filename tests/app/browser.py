@@ -90,8 +90,8 @@ def launched() -> Iterator[Browser]:
 def opened(browser: Browser, address: str) -> Iterator[Page]:
     """Open a page with a profile of its own, which accepts every question."""
     with browser.new_context() as context:
+        context.set_default_timeout(60_000)
         page = context.new_page()
-        page.set_default_timeout(60_000)
         page.on("dialog", lambda dialog: dialog.accept())
         page.goto(address)
         yield page

@@ -22,12 +22,16 @@ from identification.ingest import Run
 from identification.options import FitOptions
 from identification.posterior.checkpoint import Checkpoint
 
-QUICK, SLOW, KILLED, BAD_INPUT, NO_SOLUTION, RAISES, ONCE_KILLED, FAMILY, SILENT, KEEPS = range(10)
+QUICK, SLOW, KILLED, BAD_INPUT, NO_SOLUTION, RAISES, ONCE_KILLED, FAMILY, SILENT, KEEPS, HELD = (
+    range(11)
+)
 """Seeds of a mock fit: QUICK succeeds at once; SLOW takes 2 s; KILLED is killed by a signal in
 each attempt; BAD_INPUT and NO_SOLUTION raise an expected error; RAISES has a bug; ONCE_KILLED is
 killed in its first attempt only; FAMILY starts a child process and does not end; SILENT ends
 without a result; KEEPS counts its attempts in a checkpoint and is killed until the third, whose
-result contains the count."""
+result contains the count; HELD succeeds after `release`."""
+
+_RELEASED = "released"
 
 
 class Pretended:
@@ -117,9 +121,24 @@ def _once_killed(progress: Callable[[str, float], None], run: Run) -> None:
 
 
 def _family(progress: Callable[[str, float], None], run: Run) -> None:
-    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
     (Path(os.environ["TMPDIR"]) / "pids").write_text(f"{os.getpid()} {child.pid}")
-    time.sleep(60)
+    time.sleep(600)
+
+
+def _held(progress: Callable[[str, float], None], run: Run) -> None:
+    while not (Path(os.environ["TMPDIR"]) / _RELEASED).exists():
+        time.sleep(0.02)
+
+
+def release(data_dir: Path, fit_id: str) -> None:
+    """Let a HELD fit succeed in its first attempt, once it runs."""
+    directory = data_dir / "fits" / fit_id / "1"
+    deadline = time.monotonic() + 60.0
+    while not directory.exists():
+        assert time.monotonic() < deadline, "the fit does not run"
+        time.sleep(0.02)
+    (directory / _RELEASED).touch()
 
 
 def _silent(progress: Callable[[str, float], None], run: Run) -> None:
@@ -148,4 +167,5 @@ _BEHAVIOURS: dict[int, Callable[[Callable[[str, float], None], Run], None]] = {
     FAMILY: _family,
     SILENT: _silent,
     KEEPS: _quick,
+    HELD: _held,
 }
