@@ -75,10 +75,17 @@ def pooled_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Erro
 
     Squares are summed over the runs.  The variance of each run is taken about its own mean, so that
     the difference between two steady speeds does not improve the NRMSE.
+
+    Raises:
+        ValueError: There are no samples.
     """
     squares = sum(float(np.sum(np.square(residual))) for residual in residuals)
     moved = sum(float(np.var(channel)) * channel.size for channel in measured)
     samples = sum(residual.size for residual in residuals)
+    if samples == 0:
+        raise ValueError(
+            "no samples for a simulation error; expected at least one run with one row"
+        )
     ratio = np.sqrt(squares / moved) if moved > 0.0 else (np.inf if squares > 0.0 else 0.0)
     return Errors(float(np.sqrt(squares / samples)), float(ratio))
 
