@@ -179,7 +179,8 @@ def test_no_earlier_request_caused_a_server_error(server: Server) -> None:
     """The log of this session contains no status 500 or above."""
     lines = [json.loads(line) for line in list(server.log) if line.startswith("{")]
 
-    assert [line for line in lines if line.get("status", 0) >= 500] == []
+    failed = [line for line in lines if line.get("status", 0) >= 500]
+    assert failed == [], "\n".join(map(json.dumps, failed))
     for line in lines:
         # uvicorn rejects a malformed chunk itself and logs our later response as an error.
         assert "LocalProtocolError" in line.get("exception", "LocalProtocolError")
