@@ -11,8 +11,6 @@ import pytest
 from benchmarks.torture import kills, throughput
 from tests.app.postgresql import MISSING
 
-pytestmark = pytest.mark.long
-
 
 @pytest.mark.parametrize(
     ("database", "engine", "count"), [("sqlite", "local", 3), ("postgresql", "dask", 7)]

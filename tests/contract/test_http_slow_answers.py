@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-pytestmark = [needs_browser, pytest.mark.long]
+pytestmark = needs_browser
 
 
 @pytest.fixture(scope="module")

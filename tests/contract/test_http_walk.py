@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-pytestmark = [needs_browser, pytest.mark.long]
+pytestmark = needs_browser
 
 AXE = (Path(__file__).parents[1] / "app" / "vendor" / "axe.min.js").read_text(encoding="utf-8")
 WIDTHS = (1280, 390)

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.long
-
 
 @pytest.mark.parametrize("name", ["jobs", "files", "fuzz", "api", "load", "limits"])
 def test_short_torture_test_passes(tmp_path: Path, name: str) -> None:

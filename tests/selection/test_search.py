@@ -18,8 +18,6 @@ from identification.selection.trials import Trials
 from identification.work import Budget, metered
 from tests.effects.hidden import records_of_bench
 
-pytestmark = pytest.mark.long
-
 
 def _outcome(motor: str, effects: list[str], seed: int) -> Outcome:
     measured = make_campaign(motor, effects, seed=seed, rows=1500, training=3, validation=1)

@@ -30,8 +30,6 @@ from identification.surrogates.unlisted import LAWS, SURROGATES
 from tests.effects.hidden import records_of_bench
 from tests.motors import Motor, campaign, motor_named
 
-pytestmark = pytest.mark.long
-
 
 def _campaign(
     motor: str | int, effects: list[tuple[str, float] | EffectRequest], seed: int

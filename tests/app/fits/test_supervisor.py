@@ -14,8 +14,6 @@ from app.fits import repository, starter, supervisor
 from app.fits.engine import LOST
 from tests.app.fits.supervised import Bench, until
 
-pytestmark = pytest.mark.long
-
 
 def test_fit_succeeds_when_its_job_is_done(bench: Bench) -> None:
     """Progress is stored while the job runs, the final state when it ends."""

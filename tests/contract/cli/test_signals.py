@@ -20,8 +20,6 @@ from benchmarks.torture.processes import kill, marked
 from tests.app.pretended import SLOW
 from tests.app.service import PRETENDED, run_text
 
-pytestmark = pytest.mark.long
-
 ROOT = Path(__file__).parents[3]
 COMMAND = "import sys; from app.cli import main; sys.exit(main())"
 ENDS = [
