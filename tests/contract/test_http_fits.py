@@ -7,6 +7,7 @@ import time
 import uuid
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import httpx
 import pytest
@@ -21,7 +22,7 @@ from tests.app.pretended import (
     QUICK,
     SLOW,
 )
-from tests.app.service import Caller, Server, run_text
+from tests.app.service import Caller, Server, run_text, serving
 
 
 def events(answer: httpx.Response) -> Iterator[tuple[str, int, dict[str, object]]]:
@@ -304,18 +305,22 @@ def test_fits_are_listed_by_state_and_motor(alice: Caller, stored: str) -> None:
     assert none == {"items": [], "next": None}
 
 
-def test_as_many_fits_run_at_once_as_there_are_workers(alice: Caller, stored: str) -> None:
+def test_as_many_fits_run_at_once_as_there_are_workers(tmp_path: Path) -> None:
     """With two workers and four fits without an end, two run at a time."""
-    fits = [alice.begin(stored, seed=HELD)["id"] for _ in range(4)]
-
-    deadline = time.monotonic() + 60
-    most = 0
-    while time.monotonic() < deadline and most < 2:
-        states = [alice.fit(fit)["status"] for fit in fits]
-        most = max(most, states.count("running"))
-        assert states.count("running") <= 2
-    for fit in fits:
-        alice.http.delete(f"/fits/{fit}")
+    with (
+        serving(tmp_path / "data", "--no-auth", WORKERS=2) as server,
+        Caller(server) as caller,
+    ):
+        run = caller.upload(run_text(1))["id"]
+        fits = [caller.begin(run, seed=HELD)["id"] for _ in range(4)]
+        deadline = time.monotonic() + 60
+        most = 0
+        while time.monotonic() < deadline and most < 2:
+            states = [caller.fit(fit)["status"] for fit in fits]
+            most = max(most, states.count("running"))
+            assert states.count("running") <= 2
+        for fit in fits:
+            caller.http.delete(f"/fits/{fit}")
 
     assert most == 2
 
