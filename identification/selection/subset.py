@@ -89,6 +89,8 @@ def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | N
 
 def _segments(records: Sequence[Record], residuals: Sequence[Array], rows: int) -> list[Record]:
     """One segment of each record, about `rows` samples in total."""
+    if not records:
+        return []
     total = sum(record.rows for record in records)
     lengths = [
         min(r.rows, max(DEFAULT.segment_samples, int(rows * r.rows / total))) for r in records

@@ -12,7 +12,7 @@ from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.selection.candidates import scales_of
-from identification.selection.subset import representative_subset
+from identification.selection.subset import informative_segments, representative_subset
 from tests.motors import campaign, motor_named
 
 MOTOR = motor_named("servo 100 W")
@@ -81,3 +81,8 @@ def test_short_records_are_searched_whole() -> None:
     runs = campaign_of(campaign(MOTOR, seed=3), [])
 
     assert representative_subset(runs, fit_declared(runs.training, "zoh")) is None
+
+
+def test_a_campaign_without_validation_runs_has_no_validation_segments() -> None:
+    """The search of long runs selects segments of both kinds."""
+    assert informative_segments([], 1000) == []
