@@ -204,8 +204,8 @@ def _identified(
     closed, contradicted = knowledge.joined_to(closed)
     opened = with_linear_parts(closed)
     final = closed if opened is closed else with_noise_model(opened)
-    omitted = _omitted(closed, declared, outcome, gains)
     fraction = effective_fraction(closed)
+    omitted = _omitted(closed, fraction, declared, outcome, gains)
     last = "posterior" if options.posterior else "intervals"
     tell(last, 0.55)
     runs = (*admission.training, *admission.validation)
@@ -289,7 +289,11 @@ def _admitted(
 
 
 def _omitted(
-    final: Fit, declared: Fit, outcome: Outcome | None, gains: Sequence[GainRatio]
+    final: Fit,
+    fraction: float,
+    declared: Fit,
+    outcome: Outcome | None,
+    gains: Sequence[GainRatio],
 ) -> tuple[OmittedTerm, ...]:
     """Terms that are not in the model and could change its parameters."""
     before = declared if outcome and outcome.effects else None
@@ -300,11 +304,11 @@ def _omitted(
         *confounded_terms(
             outcome.fit if outcome else declared, before, is_structured=bool(unexplained)
         ),
-        *thermometer_errors(final, effective_fraction(final)),
+        *thermometer_errors(final, fraction),
         *collinear_sizes(final),
-        *curve_details(final, effective_fraction(final)),
-        *voltage_errors(final, effective_fraction(final)),
-        *unresolved_transients(final, effective_fraction(final)),
+        *curve_details(final, fraction),
+        *voltage_errors(final, fraction),
+        *unresolved_transients(final, fraction),
     )
 
 

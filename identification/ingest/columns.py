@@ -142,7 +142,7 @@ def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
 
 
 def _resembles(column: Column, quantity: str) -> bool:
-    """Whether a column has a similar name, or no known name and a unit of the quantity."""
+    """True if a column has a similar name, or no known name and a unit of the quantity."""
     if any(similar_to(text, quantity) for text in column.texts):
         return True
     is_of = column.unit is not None and column.unit.quantity == quantity

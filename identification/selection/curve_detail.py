@@ -103,9 +103,7 @@ def _second_moments(information: Array, right: Array) -> Array:
 
 def _heights(fit: Fit, term: AbstractCurve) -> Array:
     """(n_span,) standard deviation of the height of each bump [V] or [N m]."""
-    values = fit.by_name
-    heights = np.array([values[f"{term.name}.height_{k}"] for k in range(1, HEIGHTS + 1)])
-    bends = np.diff(term.kept @ heights, n=2) ** 2
+    bends = np.diff(term.kept @ term.heights(fit.by_name), n=2) ** 2
     return np.asarray(np.sqrt(0.5 * DETAIL_RATIO * (bends[:-1] + bends[1:])))
 
 

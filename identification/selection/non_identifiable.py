@@ -151,9 +151,8 @@ def with_linear_parts(fit: Fit) -> Fit:
 def _widths(term: AbstractCurve, fit: Fit) -> tuple[float, ...]:
     """Prior standard deviation of each linear part, zero if identifiable [N m] or [V]."""
     values = fit.by_name
-    heights = np.array([values[f"unlisted.height_{k}"] for k in range(1, HEIGHTS + 1)])
     basis, regressors = sampled(replace(term, removed=()), fit.simulator.records)
-    size = float(np.sqrt(np.mean((basis @ term.kept @ heights) ** 2)))
+    size = float(np.sqrt(np.mean((basis @ term.kept @ term.heights(values)) ** 2)))
     most = {
         ("electrical", "current"): values["Ra25"] * term.current,
         ("electrical", "speed"): values["Kt25"] * term.speed,

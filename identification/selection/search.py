@@ -195,7 +195,7 @@ def _restart(state: State) -> None:
 
 
 def _has_structure(state: State) -> bool:
-    """Whether a curve would still gain, or an effect has a shape parameter at its bound.
+    """True if a curve would still gain, or an effect has a shape parameter at its bound.
 
     A correlated residual is coloured noise or structure; here it counts as structure.
     """

@@ -10,7 +10,7 @@ Source: Eilers and Marx, Statistical Science 11 (1996), 89-121 (B-splines on equ
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Final
@@ -139,6 +139,10 @@ class AbstractCurve(AbstractForced):
     def _free(self) -> list[tuple[str, float]]:
         """Signals of the free linear parts, with their prior standard deviations."""
         return [pair for pair in zip(REGRESSORS, self.linear, strict=False) if pair[1] > 0.0]
+
+    def heights(self, values: Mapping[str, float]) -> Array:
+        """(n_coefficient,) spline coefficients from the values of a fit by name [N m] or [V]."""
+        return np.array([values[f"{self.name}.height_{k}"] for k in range(1, HEIGHTS + 1)])
 
     def missing(self, signals: Signals, values: Values) -> Expression:
         """The torque [N m] or voltage [V]."""

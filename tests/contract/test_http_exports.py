@@ -78,18 +78,6 @@ def test_fit_of_another_workspace_is_not_found(alice: Caller, bob: Caller, fit: 
     assert_is_problem(alice.http.get("/fits/fit_nothing/exports/csv"), 404)
 
 
-def test_damaged_result_is_not_exported(alice: Caller, server: Server, stored: str) -> None:
-    """The checksum is verified before the export."""
-    fit = str(alice.wait(alice.begin(stored, seed=0)["id"])["id"])
-    path = server.data_dir / "fits" / fit / "1" / "result.json"
-    path.write_bytes(path.read_bytes().replace(b"1", b"2"))
-
-    answer = alice.http.get(f"/fits/{fit}/exports/csv")
-
-    assert_is_problem(answer, 503)
-    assert answer.json()["code"] == "file_lost"
-
-
 def test_export_is_that_of_the_command(tmp_path: Path) -> None:
     """The file has the effects; a temperature that is refused gives the command's reason."""
     result = result_with(*CASES["cogging and a first-order hold"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -10,10 +11,25 @@ import pytest
 
 from motorid.errors import Busy
 from tests.app.damaged import DAMAGES
-from tests.app.service import Caller, Server, run_text
+from tests.app.service import Caller, Server, run_text, serving
+from tests.contract.hostile import assert_is_problem
 
 PATIENCE_S = 60.0
 ADDRESSES = {"result.json": "", "report.html": "/report", "posterior.nc": "/posterior"}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Service whose files are damaged; the log of the shared one contains no server error."""
+    with serving(tmp_path_factory.mktemp("lost") / "data", "--no-auth") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def alice(server: Server) -> Iterator[Caller]:
+    """Its only client."""
+    with Caller(server) as caller:
+        yield caller
 
 
 def fitted(alice: Caller, seed: int) -> str:
@@ -126,3 +142,15 @@ def test_client_does_not_retry_a_lost_file(server: Server, alice: Caller) -> Non
         alice.client.show_fit(fit)
 
     assert time.monotonic() - began < PATIENCE_S / 2
+
+
+def test_damaged_result_is_not_exported(server: Server, alice: Caller) -> None:
+    """The checksum is verified before the export."""
+    fit = fitted(alice, 7_202)
+    path = server.data_dir / "fits" / fit / "1" / "result.json"
+    path.write_bytes(path.read_bytes().replace(b"1", b"2"))
+
+    damaged = alice.http.get(f"/fits/{fit}/exports/csv")
+
+    assert_is_problem(damaged, 503)
+    assert damaged.json()["code"] == "file_lost"

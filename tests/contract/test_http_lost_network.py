@@ -231,7 +231,7 @@ def test_table_is_that_of_the_selected_motor_after_an_error(page: Page) -> None:
 
 
 def test_prospects_are_computed_again_on_request(page: Page) -> None:
-    """What was not computed does not seem to be computed still."""
+    """After a failure, the page no longer says that they are computed."""
     page.wait_for_selector("#prospects h3")
     lose(page, "**/prospects")
     page.reload()

@@ -84,6 +84,24 @@ def test_only_reversals_are_divided_for_dry_friction() -> None:
     assert fine.substeps[0].counts.mean() < 2.0
 
 
+def test_substeps_converge_to_the_finest_division() -> None:
+    """Reference: every interval divided into the largest number of substeps."""
+    records = tuple(records_of([driven(SERVO, ROWS, seed=5, warming=0.0)]))
+    rated = SERVO.voltage / SERVO.values[2]
+    model = MotorModel(hold="foh").adding(CoulombFriction(0.1, 3e-3 * rated))
+    values = np.concatenate([SERVO.vector, [0.05 * SERVO.values[2], 0.0]])
+    simulator = Simulator.fitting(model, records, values)
+    exact = replace(simulator, substeps=evenly([ROWS], MOST_SUBSTEPS))
+    reference = exact.logged(values[:, None], [START])[0]
+
+    def error(share: float) -> float:
+        fine = simulator.with_tolerance(values, [START], share * np.array([1e-2, 1e-3 * rated]))
+        return float(np.abs(fine.logged(values[:, None], [START])[0] - reference)[:, 1].max())
+
+    assert error(1e-4) < 0.03 * error(10.0)
+    assert error(1e-3) < 1e-4 * rated
+
+
 @pytest.mark.parametrize("share", [1e-3, 1e-4])
 def test_the_error_is_at_most_one_tolerance_for_each_divided_interval(share: float) -> None:
     """Each interval keeps its tolerance, and friction lets no error grow.
