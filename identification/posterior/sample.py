@@ -52,7 +52,10 @@ _TRIAL: Final = 300
 """Steps after which a chain is abandoned if the step limit is too low for its convergence."""
 _RESOLUTION: Final = 0.01
 _FIRST_TRIAL: Final = 40
-"""Steps after which a chain is abandoned at the earliest, and a quarter of its step limit."""
+"""Steps after which the autocorrelation time can abandon a chain at the earliest, and a quarter of
+its step limit."""
+_HELD: Final = 20
+"""Steps after which the acceptance can: of some thousand proposals it is known to a tenth."""
 _HOPELESS: Final = 4.0
 """Length that a chain needs, over its step limit, at which it is abandoned before `_TRIAL` steps.
 Walkers that still approach the posterior lengthen the autocorrelation time; a factor of four leaves
@@ -65,8 +68,8 @@ class Sample:
 
     chain: Array
     """(n_step, n_walker, n_dim) physical values after burn-in."""
-    log_density: Array
-    """(n_step, n_walker)."""
+    log_density: Array | None
+    """(n_step, n_walker); None for normal draws, whose posterior density is not evaluated."""
     names: tuple[str, ...]
     units: tuple[str, ...]
     convergence: Convergence
@@ -124,7 +127,9 @@ def sample(
                 max(_LEAST_STEPS, 1.25 * REQUIRED_LENGTH * tau) if np.isfinite(tau) else most_steps
             )
             progress(min(1.0, done / min(goal, limit)))
-        if _is_hopeless(done, tau, limit):
+        proposals, accepted = done * walkers, float(np.mean(sampler.acceptance_fraction))
+        is_held = done >= _HELD and _is_held(proposals, accepted, limit)
+        if is_held or _is_hopeless(done, tau, limit):
             break
         is_long = done >= _LEAST_STEPS and done - _burn_in(done, tau) >= REQUIRED_LENGTH * tau
         if is_long and _convergence(sampler, _burn_in(done, tau)).reached:
@@ -150,6 +155,16 @@ def _is_hopeless(done: int, tau: float, limit: float) -> bool:
     return done >= max(_FIRST_TRIAL, limit / 4) and not needed < _HOPELESS * limit
 
 
+def _is_held(proposals: int, accepted: float, limit: float) -> bool:
+    """True if the walkers stay in place for too long, by the fraction of accepted proposals [-].
+
+    A walker stays for 1 / a steps on average, so that the autocorrelation time is 2 / a - 1 even if
+    accepted proposals are independent.  The fraction a is taken three standard errors higher.
+    """
+    upper = accepted + 3.0 * np.sqrt(accepted * (1.0 - accepted) / proposals) + 3.0 / proposals
+    return 1.25 * REQUIRED_LENGTH * (2.0 / upper - 1.0) > _HOPELESS * limit
+
+
 def _sample_of(sampler: emcee.EnsembleSampler, posterior: Posterior, burn: int) -> Sample:
     """The chain without its first steps."""
     return Sample(
@@ -166,15 +181,13 @@ def _replaced(found: Sample, posterior: Posterior, seed: int, work: float) -> Sa
     walkers = found.convergence.walkers
     count = walkers * max(_REPLACED // walkers, 1)
     weighted = weighted_draws(posterior, seed, count, work)
-    points, density = weighted.points, weighted.log_density
-    if not weighted.is_reliable:
-        points = posterior.normal_points(seed, count)
-        density = posterior(points)
+    is_reliable = weighted.is_reliable
+    points = weighted.points if is_reliable else posterior.normal_points(seed, count)
     return replace(
         found,
         chain=posterior.physical(points).reshape(-1, walkers, points.shape[1]),
-        log_density=density.reshape(-1, walkers),
-        source="importance" if weighted.is_reliable else "normal",
+        log_density=weighted.log_density.reshape(-1, walkers) if is_reliable else None,
+        source="importance" if is_reliable else "normal",
         shape=weighted.shape,
     )
 

@@ -1,7 +1,8 @@
 """Posterior as a NetCDF file readable by ArviZ 0.x and 1.x, xarray and netCDF4.
 
     posterior      one variable per parameter, dimensions (chain, draw); each walker is a chain
-    sample_stats   lp (chain, draw): log posterior density; acceptance_rate (chain,)
+    sample_stats   lp (chain, draw): log posterior density, absent for normal draws;
+                   acceptance_rate (chain,)
 
 The file is written with h5netcdf, which needs neither ArviZ nor xarray.
 """
@@ -35,15 +36,16 @@ def write_posterior(
     names: Sequence[str],
     units: Sequence[str],
     chain: Array,
-    log_prob: Array,
+    log_prob: Array | None,
     *,
     acceptance: ArrayLike,
     attributes: Mapping[str, str] | None = None,
 ) -> None:
     """Write the sampler chain (n_draw, n_walker, n_param) to `path` atomically.
 
-    Names and units are (n_param,), the log posterior density (n_draw, n_walker), the fraction of
-    accepted proposals one number or (n_walker,) [-].  Attributes of the file may be added.
+    Names and units are (n_param,), the log posterior density (n_draw, n_walker), None if unknown,
+    the fraction of accepted proposals one number or (n_walker,) [-].  Attributes of the file may be
+    added.
     """
     n_draw, n_walker, _ = chain.shape
     with replacing(path) as neighbour, h5netcdf.File(neighbour, "w") as file:
@@ -59,7 +61,8 @@ def write_posterior(
             _variable(posterior, name, chain[:, :, index].T).attrs["units"] = unit
 
         stats = _group(file, "sample_stats", n_walker, n_draw)
-        _variable(stats, "lp", log_prob.T).attrs["long_name"] = "log posterior density"
+        if log_prob is not None:
+            _variable(stats, "lp", log_prob.T).attrs["long_name"] = "log posterior density"
         rate = stats.create_variable("acceptance_rate", ("chain",), np.float64)
         rate[...] = np.broadcast_to(np.asarray(acceptance, dtype=np.float64), (n_walker,))
         rate.attrs["long_name"] = "share of accepted proposals"

@@ -25,7 +25,9 @@ the whole one it sticks, so that the two optima are apart.  If the log likelihoo
 the limit, the runs do not exclude this optimum.  With its loss d and its parameter step m, the
 covariance grows by m m' / max(2 d, 1).  An optimum that the subset of long records excludes counts
 as excluded.  Any other is refitted to all samples, up to 100,000 of them, until a step gains less
-than 1 below the limit; the loss is then that of the optimum that the next step predicts.
+than 1 below the limit; the loss is then that of the optimum that the next step predicts.  If the
+residual has structure, the limit grows with the samples as the loss does, so that all samples say
+no more than the subset, and its loss is scaled by the ratio of samples.
 
 Source: Schmidt, in Advances in Control Systems 3 (1966), 293-340 (consider covariance); Venzon and
 Moolgavkar, Applied Statistics 37 (1988), 87-94 (profile likelihood); Wilks, Annals of Mathematical
@@ -215,13 +217,17 @@ def _swapped(final: _Final, parts: Sequence[Fit], rival: _Rival) -> Iterator[Omi
         loss = fraction * (fit.cost - part.cost)
         if not loss < limit:
             continue
-        limit, known = final.limit(whole), part
-        if part is not whole and _rows(whole) <= DEFAULT.confirmed_samples:
-            known, cost = whole, whole.cost + limit / fraction
-            limits = TerminationLimits(DEFAULT.steps, cost, sufficient=cost)
-            fit = fitted_to(whole.simulator.records, _moved(fit, part, whole), limits)
+        limit = final.limit(whole)
         if part is not whole:
-            loss = fraction * (_least_cost(fit) - known.cost)
+            loss = fraction * (_least_cost(fit) - part.cost)
+            fit = _moved(fit, part, whole)
+            if final.is_structured:
+                loss *= _rows(whole) / _rows(part)
+            elif _rows(whole) <= DEFAULT.confirmed_samples:
+                cost = whole.cost + limit / fraction
+                limits = TerminationLimits(DEFAULT.steps, cost, sufficient=cost)
+                fit = fitted_to(whole.simulator.records, fit, limits)
+                loss = fraction * (_least_cost(fit) - whole.cost)
         if loss < limit:
             there = fit.by_name
             moved = whole.moved_to(there).position

@@ -123,6 +123,29 @@ def test_a_chain_that_would_need_many_times_its_budget_ends_early() -> None:
     assert found.convergence.steps <= 0.5 * 60
 
 
+class FarTooWide(Posterior):
+    """A posterior whose normal approximation is five times wider than it is."""
+
+    def covariance(self) -> Array:
+        """(n_dim, n_dim)."""
+        return 25.0 * super().covariance()
+
+
+def test_walkers_that_stay_in_place_end_the_chain_after_twenty_steps() -> None:
+    """In 9 dimensions a proposal five times too wide is accepted a few times in a thousand.
+
+    The budget allows 200 steps, and the autocorrelation time of 20 steps says nothing yet.  Normal
+    draws replace the chain, and their posterior density is not evaluated.
+    """
+    posterior = FarTooWide(servo_fit(), WHITE)
+
+    found = sample(posterior, seed=2, work=200.5 * posterior.work(32))
+
+    assert found.convergence.steps <= 20
+    assert found.source == "normal"
+    assert found.log_density is None
+
+
 def test_a_chain_that_ends_too_early_is_replaced_by_weighted_draws() -> None:
     """Ten steps are too short for a chain, while the importance weights are reliable."""
     found = sample(Posterior(servo_fit(), WHITE), seed=2, most_steps=_CHUNK)

@@ -57,6 +57,16 @@ def test_the_log_density_is_stored_with_the_draws(written: Path) -> None:
         assert stats["acceptance_rate"][...].tolist() == [0.4] * 6
 
 
+def test_draws_whose_density_is_unknown_have_none_in_the_file(tmp_path: Path) -> None:
+    """Readers take a variable of NaN for a failed chain; an absent one is optional."""
+    path = tmp_path / "posterior.nc"
+    write_posterior(path, NAMES, UNITS, CHAIN, None, acceptance=0.4)
+
+    with h5netcdf.File(path, "r") as file:
+        assert "lp" not in file["sample_stats"].variables
+        assert file["posterior"]["J"].shape == (6, 40)
+
+
 def test_the_file_is_netcdf4_and_not_merely_hdf5(written: Path) -> None:
     """Dimensions are HDF5 dimension scales, from which other NetCDF readers take the axis names."""
     with h5py.File(written, "r") as file:
