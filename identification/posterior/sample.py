@@ -162,7 +162,7 @@ def _is_held(proposals: int, accepted: float, limit: float) -> bool:
     accepted proposals are independent.  The fraction a is taken three standard errors higher.
     """
     upper = accepted + 3.0 * np.sqrt(accepted * (1.0 - accepted) / proposals) + 3.0 / proposals
-    return 1.25 * REQUIRED_LENGTH * (2.0 / upper - 1.0) > _HOPELESS * limit
+    return bool(1.25 * REQUIRED_LENGTH * (2.0 / upper - 1.0) > _HOPELESS * limit)
 
 
 def _sample_of(sampler: emcee.EnsembleSampler, posterior: Posterior, burn: int) -> Sample:
