@@ -80,7 +80,7 @@ class _Filter(AbstractEffect, AbstractSensor):
             (lag - states.rise) / (values.second * values.time_constant),
         ]
 
-    def logged(
+    def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         return states.filtered + 0 * before

@@ -70,7 +70,7 @@ class _ZeroError(AbstractEffect):
 class _SensorZero(_ZeroError, AbstractSensor):
     """Zero error of a logged channel, added to its reading."""
 
-    def logged(
+    def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         return before + self._error(signals, values)
@@ -113,12 +113,12 @@ class CurrentOffset(_SensorZero):
         """The variant with an error free in each record, unless it is that already."""
         return () if self.own else (CurrentOffset(self.size, own=True),)
 
-    def logged(
+    def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         if self.own:
             return before + states.offset
-        return super().logged(before, signals, states, values)
+        return super().reading(before, signals, states, values)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

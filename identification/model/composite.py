@@ -218,7 +218,7 @@ class MotorModel:
         for term, s, v in parts:
             rates += term.rates(signals, s, v)
             if isinstance(term, AbstractSensor):
-                readings[term.channel] = term.logged(readings[term.channel], signals, s, v)
+                readings[term.channel] = term.reading(readings[term.channel], signals, s, v)
         return ca.vertcat(*rates), ca.vertcat(readings["current"], readings["speed"])
 
     def _signals(self, state: Expression, inputs: Expression, parameter: Expression) -> Signals:

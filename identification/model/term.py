@@ -228,7 +228,7 @@ class AbstractSensor(AbstractTerm):
     channel: ClassVar[Channel]
 
     @abstractmethod
-    def logged(
+    def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         """Reading, given the one without this term [A] or [rad/s]."""

@@ -166,6 +166,12 @@ class AbstractCurve(AbstractForced):
         lines = [np.outer(line, amount) for line, amount in self.removed]
         return np.asarray(np.eye(HEIGHTS) - np.sum(lines, axis=0) if lines else np.eye(HEIGHTS))
 
+    def over_signal(self, heights: Array) -> tuple[Array, Array]:
+        """The signal over its range, and the curve there without carrier, each (n_point,)."""
+        grid, table = _table(self)
+        signal = grid if self.along in STRAIGHT else self.zero * np.sinh(grid)
+        return signal, np.asarray(self.kept @ heights @ table)
+
     def drawn(self, record: Record, current: Array, speed: Array) -> tuple[Array, Array]:
         """Compressed signal [-] and carrier [-] along a trajectory, each (n_sample,)."""
         others = [record.column(name) for name in _SIGNALS[2:]]

@@ -13,7 +13,7 @@ Source: Bjorck and Golub, Mathematics of Computation 27 (1973), 579-594 (angles 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
@@ -32,6 +32,10 @@ _LOOKED_AT: Final = 500
 _SAME: Final = 0.98
 """Squared cosine above which directions count as collinear: at most 2 % of their power differs."""
 _SEEN: Final = 1e-8
+_FALLING: Final = 0.5
+"""Slope of a falling voltage, over that of the logged one; half of it may be a line [-]."""
+_OVERSHOOT: Final = 0.1
+"""Fraction of the range in which a spline may overshoot beside a kink [-]."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,26 @@ class MissingVoltage(_Missing, AbstractVoltage):
         ("time in the run", "current"),
         ("position", ""),
     )
+
+    def flaw(self, values: Mapping[str, float]) -> str:
+        """Reason to reject a motor voltage that falls while the logged one rises; else empty.
+
+        An amplifier lets it rise, and a loss keeps it at least constant.  If the resistance of the
+        source lowers the logged voltage by the current, a curve over it can stand for any Ra25 and
+        Kt25, and its slope then has the wrong sign.
+        """
+        if self.along != "voltage":
+            return ""
+        heights = np.array([values[f"height_{k}"] for k in range(1, HEIGHTS + 1)])
+        logged, lost = self.over_signal(heights)
+        falls = 1.0 - np.gradient(lost, logged) < -_FALLING
+        share = float(np.sum(np.diff(logged) * falls[1:]) / np.ptp(logged))
+        if share <= _OVERSHOOT:
+            return ""
+        return (
+            f"implausible: over {100 * share:.0f} % of the range of the logged voltage, that "
+            "of the motor would fall while the logged one rises"
+        )
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         return self.missing(signals, values)

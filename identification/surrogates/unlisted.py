@@ -8,6 +8,7 @@ from identification.effects.effect import AbstractEffect
 from identification.surrogates.curves import MissingTorque, MissingVoltage
 from identification.surrogates.laws import AngularFriction, Backlash, DahlFriction, SupplySag
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple
+from identification.surrogates.speed_ripple import SpeedRipple
 
 __all__ = ["LAWS", "SURROGATES"]
 
@@ -22,5 +23,5 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
 )
 """Terms that the search tries if no effect of its catalogue explains the residual."""
 
-LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag,)
+LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag, SpeedRipple)
 """Physical laws outside the catalogue that the search tries together with its effects."""

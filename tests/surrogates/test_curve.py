@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import casadi as ca
@@ -14,7 +15,7 @@ from identification.model.excitation import records_of
 from identification.model.term import Signals
 from identification.selection.candidates import scales_of
 from identification.surrogates.curve import HEIGHTS
-from identification.surrogates.curves import MissingTorque
+from identification.surrogates.curves import MissingTorque, MissingVoltage
 from tests.motors import campaign, motor_named
 
 Array = NDArray[np.float64]
@@ -115,3 +116,30 @@ def test_a_curve_over_the_load_is_one_over_the_torque_of_the_motor() -> None:
     assert load.drivers == ("current", "speed")
     assert drawn(50.0, 10.0 / 0.9) == pytest.approx(drawn(0.0, 10.0))
     assert drawn(50.0, 10.0) < drawn(0.0, 10.0)
+
+
+def lost_voltage(motor_voltage: Callable[[Array], Array]) -> str:
+    """Objection to the curve of what a stage with this characteristic loses, from -12 to 12 V."""
+    zero, most = 1.8, 12.0
+    end = float(np.arcsinh(most / zero))
+    term = MissingVoltage("voltage", "", 8.0, -end, end, zero, speed=100.0, current=1.0)
+    logged: Array = zero * np.sinh(np.linspace(-end, end, 400))
+    bases = np.column_stack([term.over_signal(height)[1] for height in np.eye(HEIGHTS)])
+    at = np.linspace(0, len(bases) - 1, logged.size).astype(int)
+    heights = np.linalg.lstsq(bases[at], logged - motor_voltage(logged), rcond=None)[0]
+    return term.flaw({f"height_{k + 1}": height for k, height in enumerate(heights)})
+
+
+@pytest.mark.parametrize("dead", [0.5, 2.0])
+def test_a_stage_with_a_dead_zone_is_plausible(dead: float) -> None:
+    """The voltage of the motor stays at zero and then rises; so does that of a saturated stage."""
+    assert lost_voltage(lambda v: np.sign(v) * np.maximum(np.abs(v) - dead, 0.0)) == ""
+    assert lost_voltage(lambda v: np.clip(v, -6.0, 6.0)) == ""
+
+
+def test_a_motor_voltage_that_falls_while_the_logged_one_rises_is_implausible() -> None:
+    """A sawtooth over two levels is what replaces Ra25 and Kt25 behind a soft source."""
+    flaw = lost_voltage(lambda v: v - 5.0 * np.sin(v))
+
+    assert "the logged one rises" in flaw
+    assert "% of the range" in flaw
