@@ -8,6 +8,8 @@
 --nameplate voltage=12 no_load_speed=3000rpm
 --limit voltage=24 current=10
 --map 'current_A=CH2 * 2.5 + 0.1 in mA'
+--map 'voltage_V=pwm * dir * 0.24'
+--map 'time_s=row / 1000' --map voltage_V=12
 --map 'run3.csv:current_A=CH2 * -1'     for that file only
 """
 
@@ -41,7 +43,8 @@ __all__ = [
 Number = TypeVar("Number", float, int)
 
 _MAP_FORM = (
-    "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * SCALE + OFFSET in UNIT mod PERIOD with optional parts"
+    "CHANNEL=HEADER, or FILE:CHANNEL=HEADER * DIRECTION * SCALE + OFFSET in UNIT mod PERIOD with "
+    "optional parts, or CHANNEL=NUMBER for a constant"
 )
 
 
@@ -196,8 +199,14 @@ def _map_text(channel: str, entry: Mapping[str, Any] | str | None) -> str:
     """Text from which `_map_entry` reads an entry of a mapping."""
     if not isinstance(entry, Mapping):
         return f"{channel}={entry or ''}"
-    words = [f"{channel}={entry['column']}"]
-    for key, sign in (("scale", "*"), ("offset", "+"), ("unit", "in"), ("period", "mod")):
+    words = [f"{channel}={entry.get('column') or entry['value']}"]
+    for key, sign in (
+        ("sign", "*"),
+        ("scale", "*"),
+        ("offset", "+"),
+        ("unit", "in"),
+        ("period", "mod"),
+    ):
         if key in entry:
             value = entry[key]
             words.append(f"{sign} {value if isinstance(value, str) else f'{value:.12g}'}")
@@ -236,7 +245,7 @@ def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Pat
 
 
 def _map_entry(setting: str) -> tuple[str | None, str, dict[str, object] | str | None]:
-    from identification.ingest.mapping import TABLE
+    from identification.ingest.mapping import CONSTANTS, SIGNED, TABLE
 
     place, equals, column = (part.strip() for part in setting.partition("="))
     name, colon, channel = (part.strip() for part in place.rpartition(":"))
@@ -248,16 +257,42 @@ def _map_entry(setting: str) -> tuple[str | None, str, dict[str, object] | str |
     column, period = _cut_at("mod", column)
     column, unit = _cut_at("in", column)
     column, offset = _cut_at("+", column)
-    column, scale = _cut_at("*", column)
     if not column:
         return file, channel, None
-    entry: dict[str, object] = {"column": column}
-    for key, text in (("scale", scale), ("offset", offset), ("period", period)):
+    constant = _number_or_none(column) if channel in CONSTANTS and not offset else None
+    if constant is not None:
+        return file, channel, {"value": constant, **({"unit": unit} if unit else {})}
+    entry = _product(setting, column, is_signed=channel in SIGNED)
+    for key, text in (("offset", offset), ("period", period)):
         if text is not None:
             entry[key] = _map_number(setting, text)
     if unit is not None:
         entry["unit"] = unit
     return file, channel, entry
+
+
+def _product(setting: str, text: str, *, is_signed: bool) -> dict[str, object]:
+    """Column, sign and scale of ``HEADER * DIRECTION * 2 / 1000``.
+
+    A header may contain the operators: a divisor is a number, and one factor is a direction.
+    """
+    *rest, word = re.split(r"(\s+[*/]\s+)", text)
+    entry: dict[str, object] = {}
+    scale = 1.0
+    while rest:
+        is_product = rest[-1].strip() == "*"
+        number = _number_or_none(word)
+        if number is not None and (is_product or number):
+            entry["scale"] = scale = scale * number if is_product else scale / number
+        elif is_product and is_signed and "sign" not in entry and not _is_number(word[:1]):
+            entry["sign"] = word
+        else:
+            break
+        rest.pop()
+        word = rest.pop()
+    if rest and rest[-1].strip() == "*" and not word.count(" "):
+        _map_number(setting, word)
+    return {"column": "".join([*rest, word]), **entry}
 
 
 def _cut_at(word: str, text: str) -> tuple[str, str | None]:
@@ -266,6 +301,13 @@ def _cut_at(word: str, text: str) -> tuple[str, str | None]:
     if len(parts) == 3 and parts[1] == word:
         return parts[0], parts[2]
     return text, None
+
+
+def _number_or_none(word: str) -> float | None:
+    try:
+        return decimal_of(word)
+    except ValueError:
+        return None
 
 
 def _map_number(setting: str, text: str) -> float:

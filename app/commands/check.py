@@ -150,7 +150,7 @@ def _print_run(console: Console, run: Mapping[str, Any]) -> None:
         limits = excitation.get(name)
         table.add_row(
             name,
-            channel["column"],
+            " * ".join(filter(None, (channel["column"], channel.get("sign")))),
             channel["unit"],
             f"{channel['scale']:g}",
             f"{channel['offset']:g}",

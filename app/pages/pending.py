@@ -42,11 +42,14 @@ _CHANNELS: Final = {
 }
 """Channels with the names that the pages show."""
 
+CONSTANT: Final = "="
+"""Entry of the menu of columns for a constant."""
+
 _OPTIONAL: Final = ("temperature_degC", "position_rad", "duty", "bus_voltage_V")
 """Channels that a run may lack."""
 
 _FACTORS = ("duty", "bus_voltage_V")
-_SCALED = re.compile(r"(?P<header>.*) \* (?P<factor>\S+)(?: in (?P<unit>\S+))?")
+_SCALED = re.compile(r"(?P<header>.*) \* (?P<factor>-?\d\S*)(?: in (?P<unit>\S+))?")
 """Mapping without offset and period, as the checks propose it."""
 
 _STATES = {
@@ -242,9 +245,10 @@ def _correction(words: str) -> str:
     label = _CHANNELS[place.rpartition(":")[2]].lower()
     found = _SCALED.fullmatch(source)
     if found is None:
-        return f"{label} from {source or 'no column'}"
+        return f"{label} from {source.replace(' * ', ' × ') or 'no column'}"
     factor = float(found["factor"])
-    parts = [f"{label} from column {found['header']}", f"sign {'−' if factor < 0.0 else '+'}"]
+    header = found["header"].replace(" * ", " × ")
+    parts = [f"{label} from column {header}", f"sign {'−' if factor < 0.0 else '+'}"]
     parts += [f"unit {found['unit']}"] if found["unit"] else []
     parts += [f"factor {abs(factor):.12g}"] if abs(factor) != 1.0 else []
     return ", ".join(parts)
@@ -260,16 +264,20 @@ def _channel(
 ) -> dict[str, Any]:
     """Fields of one channel, with the options of its menus."""
     # Lazy import: pandas would slow down every start.
+    from identification.ingest.mapping import CONSTANTS, ROW, SIGNED
     from identification.ingest.units import UNITS, canonical_unit
 
-    column, unit = entry.get("column", ""), entry.get("unit", "")
+    column, unit = entry.get("column", CONSTANT if "value" in entry else ""), entry.get("unit", "")
     titles = list(dict.fromkeys(column["title"] for column in columns))
-    if column and column not in titles:
+    if column not in ("", CONSTANT, *titles) and (name, column) != ("time_s", ROW):
         # A column of the mapping that the file lacks stays visible next to the error.
         titles.append(column)
     scale = float(entry.get("scale", 1.0))
     found = (summary or {}).get("channels", {}).get(name)
     header = next((c["unit"] for c in columns if c["title"] == column), None)
+    is_row = name == "time_s" and column == ROW
+    if is_row or column == CONSTANT:
+        header = header or canonical_unit(name).name
     return {
         "name": name,
         "label": _CHANNELS[name],
@@ -279,8 +287,14 @@ def _channel(
         "units": [u.name for u in UNITS if u.quantity == canonical_unit(name).quantity],
         "header_unit": header,
         "is_negative": scale < 0.0,
+        "may_be_constant": name in CONSTANTS,
+        "is_row": is_row,
+        "direction": entry.get("sign", ""),
+        "directions": [
+            column["title"] for column in columns if name in SIGNED and column["unit"] is None
+        ],
         "factor": f"{abs(scale):.12g}",
-        "offset": f"{float(entry.get('offset', 0.0)):.12g}",
+        "offset": f"{float(entry.get('value', entry.get('offset', 0.0))):.12g}",
         "range": span(name, found["min"], found["max"]) if found else "",
         "is_required": is_required,
     }
@@ -290,7 +304,8 @@ def _mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[s
     """Mapping selected in a form, given the one before.
 
     The fields are `CHANNEL.column`, `.was` (the column before), `.unit`, `.sign`, `.factor` and
-    `.offset`.
+    `.offset`.  The sign is + or -, with the column of a direction behind it; the offset of a
+    constant is its value.
 
     The unit belongs to the column: if another column is selected, its header gives the unit.  A
     channel without a column is left to the header, unless the user has removed its column.
@@ -309,8 +324,15 @@ def _mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[s
         if column == was and form.get(f"{channel}.unit"):
             entry["unit"] = form[f"{channel}.unit"]
         scale = number(f"{channel}.factor", form.get(f"{channel}.factor", ""), 1.0)
-        scale *= -1.0 if form.get(f"{channel}.sign") == "-" else 1.0
+        sign = form.get(f"{channel}.sign", "")
+        scale *= -1.0 if sign[:1] == "-" else 1.0
         offset = number(f"{channel}.offset", form.get(f"{channel}.offset", ""), 0.0)
+        if column == CONSTANT:
+            del entry["column"]
+            mapping[channel] = {"value": offset, **entry}
+            continue
+        if sign[1:]:
+            entry["sign"] = sign[1:]
         if (scale, offset) != (1.0, 0.0):
             entry |= {"scale": scale, "offset": offset}
         before = earlier.get(channel) or {}

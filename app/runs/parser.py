@@ -16,6 +16,7 @@ from identification.checks import check_runs
 from identification.errors import RunFileError
 from identification.ingest import Column, Limits, Run, read_run
 from identification.ingest.columns import similar_columns
+from identification.ingest.mapping import ROW
 from identification.ingest.read import list_columns
 from identification.ingest.units import CHANNEL_QUANTITIES
 
@@ -89,7 +90,11 @@ def _pending(task: dict[str, Any], limits: Limits) -> dict[str, Any]:
         mapping = {
             channel: entry
             for channel, entry in (mapping or {}).items()
-            if entry is None or any(column.has_name(entry["column"]) for column in columns)
+            if all(
+                any(column.has_name(entry[key]) for column in columns)
+                for key in ("column", "sign")
+                if key in (entry or {}) and entry[key] != ROW
+            )
         } or None
     found = examine([task["path"]], mapping, names=[task["name"]], limits=limits)
     run = found.runs[0] if found.runs else None

@@ -13,6 +13,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
+from identification.ingest.mapping import SIGNED
 from identification.ingest.run import Run, Source
 from identification.ingest.units import canonical_unit, find_unit
 from identification.warning import Option, ResultWarning, WarningSeverity
@@ -24,6 +25,7 @@ __all__ = [
     "factor",
     "left_out",
     "other_unit",
+    "signed",
     "suspicious_unit",
 ]
 
@@ -88,14 +90,31 @@ def factor(run: Run, channel: str, number: float) -> str:
     """Mapping of a channel, by its canonical name, multiplied by a number."""
     channel = _logged(run, channel)
     source = _source(run, channel)
-    words = f"{source.header} * {_number(source.scale * number)}"
+    if source.value is not None:
+        return f"{run.name}:{channel}={_number(source.value * number)} in {source.unit}"
+    words, scale = source.cell, source.scale * number
+    if scale != 1.0:
+        words += f" * {_number(scale)}"
     if source.offset:
         words += f" + {_number(source.offset * number)}"
-    if source.unit != canonical_unit(channel).name:
+    if scale == 1.0 or source.unit != canonical_unit(channel).name:
         words += f" in {source.unit}"
     if source.period is not None:
         words += f" mod {_number(source.period)}"
     return f"{run.name}:{channel}={words}"
+
+
+def signed(run: Run, channel: str) -> tuple[str, ...]:
+    """Mapping of a channel of magnitudes to its column times that of the direction.
+
+    Empty if no unused column has the name of a direction, or the channel cannot be signed.
+    """
+    channel = _logged(run, channel)
+    source = _source(run, channel)
+    if run.direction is None or source.sign or source.value is not None or channel not in SIGNED:
+        return ()
+    sources = {**run.sources, channel: dataclasses.replace(source, sign=run.direction)}
+    return (factor(dataclasses.replace(run, sources=sources), channel, 1.0),)
 
 
 def exchange(run: Run, first: str, second: str) -> tuple[str, ...]:
@@ -103,7 +122,7 @@ def exchange(run: Run, first: str, second: str) -> tuple[str, ...]:
     if any(_logged(run, channel) != channel for channel in (first, second)):
         return ()
     return tuple(
-        f"{run.name}:{channel}={_source(run, other).header} in {canonical_unit(channel).name}"
+        f"{run.name}:{channel}={_source(run, other).cell} in {canonical_unit(channel).name}"
         for channel, other in ((first, second), (second, first))
     )
 
@@ -113,7 +132,7 @@ def other_unit(run: Run, channel: str, unit: str) -> str:
     known = find_unit(unit)
     if known is not None and _logged(run, channel) != channel:
         return factor(run, channel, known.factor)
-    return f"{run.name}:{channel}={_source(run, channel).header} in {unit}"
+    return f"{run.name}:{channel}={_source(run, channel).cell} in {unit}"
 
 
 def left_out(run: Run, channel: str) -> str:

@@ -40,7 +40,7 @@ from identification.checks.balance import (
     balances_of,
     reverses,
 )
-from identification.checks.finding import Finding, exchange, factor
+from identification.checks.finding import Finding, exchange, factor, signed
 from identification.ingest.run import Run
 
 __all__ = ["identity_findings", "magnitude_findings"]
@@ -232,11 +232,14 @@ def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
                     run.name,
                     name,
                     f"contains magnitudes: {reversing or 'no channel is ever negative'}, and the "
-                    "voltage balance holds only with the sign restored; log the signed value, a "
-                    "motor cannot be identified from magnitudes",
+                    "voltage balance holds only with the sign restored; a motor cannot be "
+                    "identified from magnitudes",
                     "unexplained fraction of the voltage variance",
                     before,
                     max(after / _UNSIGNED_BETTER, _UNSIGNED_MISSED),
+                    signed(run, name),
+                    "log the signed value, or map it times a column of the direction, "
+                    f"{name}=HEADER * DIRECTION",
                 )
                 for name in names
             ]

@@ -27,7 +27,7 @@ from identification.ingest.columns import (
 )
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.faults import collected, refuse_all
-from identification.ingest.mapping import OPTIONAL_CHANNELS, ChannelMapping
+from identification.ingest.mapping import OPTIONAL_CHANNELS, ROW, ChannelMapping
 from identification.ingest.units import (
     CHANNEL_QUANTITIES,
     FACTOR_QUANTITIES,
@@ -55,6 +55,22 @@ class Channel:
     """Offset added after the factor, in `unit`."""
     period: float | None = None
     """Change of the cell after which an angle or a counter starts again, or None."""
+    sign: Column | None = None
+    """Column of the direction by which the cell is multiplied, or None."""
+    value: float | None = None
+    """Constant in place of cells, in `unit`, or None."""
+    is_direction: bool = False
+    """True if the cells are directions, which may be words."""
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The source column and that of the sign, if there is one."""
+        return (self.column,) if self.sign is None else (self.column, self.sign)
+
+    @property
+    def is_logged(self) -> bool:
+        """True if the channel has a column of the file."""
+        return self.column.index >= 0
 
     @property
     def may_be_blank(self) -> bool:
@@ -83,7 +99,7 @@ def assign_channels(
     """
     errors: list[RunFileError] = []
     found = _mapped_channels(columns, mapping, errors)
-    taken = {channel.column.index for channel in found.values()}
+    taken = {column.index for channel in found.values() for column in channel.columns}
     free = _by_case([column for column in columns if column.index not in taken])
     missing = []
     is_product = _is_product(mapping)
@@ -120,18 +136,28 @@ def _mapped_channels(
     found: dict[str, Channel] = {}
     absent: list[str] = []
     for name, entry in mapping.items():
+        if entry.value is not None:
+            unit = entry.unit or canonical_unit(name)
+            found[name] = Channel(
+                name, _supplied_column(f"{entry.value:.12g}"), unit, value=entry.value
+            )
         if entry.column is None:
             continue
-        matches = [column for column in columns if column.has_name(entry.column)]
-        if matches:
-            with collected(errors):
-                if len(matches) > 1:
-                    raise duplicate_columns(matches)
-                unit = _mapped_unit(entry, matches[0])
-                scaling = entry.scale, entry.offset, entry.period
-                found[name] = Channel(name, matches[0], unit, *scaling)
-        else:
-            absent.append(f"{quoted(entry.column)} for {name}")
+        try:
+            column = _column(columns, entry.column, name)
+            sign = (
+                None if entry.sign is None else _column(columns, entry.sign, f"the sign of {name}")
+            )
+        except _Absent as error:
+            absent.append(str(error))
+            continue
+        except RunFileError as error:
+            errors.append(error)
+            continue
+        with collected(errors):
+            unit = _mapped_unit(entry, column)
+            scaling = entry.scale, entry.offset, entry.period
+            found[name] = Channel(name, column, unit, *scaling, sign)
     if absent:
         errors.append(
             MappingError(
@@ -143,13 +169,39 @@ def _mapped_channels(
     return found
 
 
+class _Absent(Exception):
+    """A column of a mapping that the file does not have."""
+
+
+def _column(columns: Sequence[Column], title: str, use: str) -> Column:
+    """The column of a mapping; the sample number, if no column of the time has its name.
+
+    Raises:
+        DuplicateColumn: Several columns have the name.
+        _Absent: No column has it.
+    """
+    matches = [column for column in columns if column.has_name(title)]
+    if len(matches) > 1:
+        raise duplicate_columns(matches)
+    if matches:
+        return matches[0]
+    if use == "time_s" and title == ROW:
+        return _supplied_column(ROW)
+    raise _Absent(f"{quoted(title)} for {use}")
+
+
+def _supplied_column(title: str) -> Column:
+    """Column that no file has: the title of a constant or of the sample number."""
+    return Column(-1, (title,), frozenset(), ())
+
+
 def _is_product(mapping: Mapping[str, ChannelMapping]) -> bool:
     """Whether the mapping gives the voltage as duty and bus voltage.
 
     Raises:
         MappingError: It also gives the voltage itself.
     """
-    given = [name for name in FACTOR_QUANTITIES if name in mapping and mapping[name].column]
+    given = [name for name in FACTOR_QUANTITIES if name in mapping and mapping[name].is_given]
     if given and "voltage_V" in mapping:
         raise MappingError(
             f"the mapping gives both voltage_V and {given[0]}; expected voltage_V alone, or duty "
@@ -199,6 +251,7 @@ def _mapped_unit(entry: ChannelMapping, column: Column) -> Unit:
                 {
                     entry.channel: {
                         "column": plain(column.title, 80),
+                        **({"sign": entry.sign} if entry.sign else {}),
                         "scale": entry.scale,
                         **({"offset": entry.offset} if entry.offset else {}),
                         "unit": unit.name,

@@ -15,7 +15,7 @@ from identification.errors import (
     UnknownUnit,
 )
 from identification.ingest.display import listed, plain, quoted
-from identification.ingest.mapping import OPTIONAL_CHANNELS
+from identification.ingest.mapping import OPTIONAL_CHANNELS, ROW
 from identification.ingest.names import (
     is_sample_number,
     is_setpoint,
@@ -220,6 +220,9 @@ def _derivations(names: Sequence[str], free: Sequence[Column]) -> tuple[str, lis
     if counters:
         hint += f" (the time may be {quoted(counters[0].title)} times the sampling interval)"
         examples.append(scaled_example("time_s", counters[0], "SECONDS_PER_SAMPLE"))
+    elif "time_s" in names:
+        hint += " (samples at a fixed rate have the time row / rate)"
+        examples.append({"time_s": {"column": ROW, "scale": "SECONDS_PER_SAMPLE"}})
     duties = [c for c in free if _may_be_duty(c)] if "voltage_V" in names else []
     if duties:
         hint += (
@@ -227,6 +230,9 @@ def _derivations(names: Sequence[str], free: Sequence[Column]) -> tuple[str, lis
             "or, where that is constant, times a scale)"
         )
         examples.append(scaled_example("voltage_V", duties[0], "VOLT_PER_DUTY"))
+    elif "voltage_V" in names:
+        hint += " (a voltage that was constant during the whole run is a number)"
+        examples.append({"voltage_V": {"value": "VOLTS"}})
     angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
     if angles:
         hint += (

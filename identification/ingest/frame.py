@@ -17,6 +17,7 @@ from identification.arrays import Array
 from identification.errors import DuplicateColumn, NotANumber
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column, read_columns
+from identification.ingest.directions import direction_of
 from identification.ingest.display import quoted
 from identification.ingest.reader import Samples
 
@@ -95,6 +96,9 @@ def _numbers(values: pd.Series, channel: Channel) -> Array:
     if values.dtype.kind in "mM":
         start = values.iloc[0] if values.dtype.kind == "M" and len(values) else pd.Timedelta(0)
         return np.asarray((values - start).dt.total_seconds(), dtype=np.float64)
+    if channel.is_direction and values.dtype.kind not in "biuf":
+        label = channel.column.label
+        return np.array([direction_of(str(cell), label, row) for row, cell in enumerate(values)])
     numbers = pd.to_numeric(values, errors="coerce")
     faulty = np.flatnonzero(numbers.isna() & values.notna())
     if faulty.size or numbers.dtype.kind not in "biuf":

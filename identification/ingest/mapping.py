@@ -5,7 +5,9 @@
      "position_rad": null}
 
 ``cell * scale + offset`` is the value in the given unit; null omits an optional channel.  The
-``period`` of a position is the change of the cell after which it starts again.  The keys ``duty``
+``period`` of a position is the change of the cell after which it starts again.  The ``sign`` is a
+column of directions by which the cell is multiplied.  A ``value`` in place of a column is a
+constant.  The column ``row`` of a time is the number of the sample, from 0.  The keys ``duty``
 and ``bus_voltage_V`` together replace ``voltage_V``, which is then their product.  The key
 ``table`` selects a sheet, group or variable of a file that holds several tables.  The key ``files``
 holds mappings of single files by name; they override the common mapping:
@@ -40,8 +42,11 @@ from identification.ingest.units import (
 )
 
 __all__ = [
+    "CONSTANTS",
     "FILES",
     "OPTIONAL_CHANNELS",
+    "ROW",
+    "SIGNED",
     "TABLE",
     "ChannelMapping",
     "MappingLike",
@@ -50,6 +55,15 @@ __all__ = [
 ]
 
 OPTIONAL_CHANNELS = ("temperature_degC", "position_rad")
+
+SIGNED = ("voltage_V", "current_A", "speed_rad_s", "duty")
+"""Channels that a column of directions may sign."""
+
+CONSTANTS = ("voltage_V", "temperature_degC", "bus_voltage_V")
+"""Channels that may be a constant."""
+
+ROW = "row"
+"""Column of a mapped time that is the number of the sample, unless a column has this name."""
 
 MappingLike = Mapping[str, object] | str | os.PathLike[str]
 """A mapping, or the path of a JSON file that contains one."""
@@ -61,7 +75,7 @@ TABLE = "table"
 """Key of a mapping that holds the name of the table to read."""
 
 _KEYS = ("column", "unit", "scale", "offset")
-_PERIODIC = ("position_rad",)
+_FURTHER_KEYS = {"position_rad": ("period",)} | dict.fromkeys(SIGNED, ("sign",))
 _LARGEST_FILE = 1_000_000
 _HUGE = 1e300
 
@@ -84,6 +98,15 @@ class ChannelMapping:
     """True if scale or offset was given."""
     period: float | None = None
     """Change of the cell after which an angle or a counter starts again, or None."""
+    sign: str | None = None
+    """Header text of the column of directions by which the cell is multiplied, or None."""
+    value: float | None = None
+    """Constant in `unit`, in place of a column, or None."""
+
+    @property
+    def is_given(self) -> bool:
+        """True if the channel has a column or a constant."""
+        return self.column is not None or self.value is not None
 
 
 @dataclass(frozen=True)
@@ -196,22 +219,38 @@ def _channel(channel: object, entry: object) -> ChannelMapping:
             f'{name} is mapped to {_shown(entry)}; expected {{"column": "header text"}}',
             value=entry,
         )
-    keys = (*_KEYS, "period") if name in _PERIODIC else _KEYS
+    if "value" in entry and name in CONSTANTS:
+        return _constant(name, entry)
+    keys = (*_KEYS, *_FURTHER_KEYS.get(name, ()))
     unknown = [str(key) for key in entry if key not in keys]
     if unknown:
         raise MappingError(f"{name} has the key {listed(unknown)}; expected {', '.join(keys)}")
-    column = entry.get("column")
-    if not isinstance(column, str) or not column.strip():
-        raise MappingError(f'{name} has no column; add "column" with the header text', value=column)
     return ChannelMapping(
         channel=name,
-        column=column.strip(),
+        column=_header(name, "column", entry.get("column")),
         unit=_unit(name, entry.get("unit")),
         scale=_number(name, "scale", entry.get("scale", 1.0)),
         offset=_number(name, "offset", entry.get("offset", 0.0)),
         scaled="scale" in entry or "offset" in entry,
         period=_number(name, "period", entry["period"]) if "period" in entry else None,
+        sign=_header(name, "sign", entry["sign"]) if "sign" in entry else None,
     )
+
+
+def _constant(name: str, entry: Mapping[object, object]) -> ChannelMapping:
+    further = [str(key) for key in entry if key not in ("value", "unit")]
+    if further:
+        raise MappingError(
+            f"{name} has a constant value and the key {listed(further)}; expected value and unit"
+        )
+    value = _number(name, "value", entry["value"])
+    return ChannelMapping(name, None, _unit(name, entry.get("unit")), value=value)
+
+
+def _header(channel: str, key: str, text: object) -> str:
+    if not isinstance(text, str) or not text.strip():
+        raise MappingError(f'{channel} has no {key}; add "{key}" with the header text', value=text)
+    return text.strip()
 
 
 def _unit(channel: str, text: object) -> Unit | None:

@@ -34,6 +34,7 @@ __all__ = [
     "NAMES",
     "HeaderText",
     "is_channel_name",
+    "is_direction",
     "is_sample_number",
     "is_setpoint",
     "is_units_row",
@@ -151,6 +152,17 @@ def is_sample_number(text: str) -> bool:
     return len(words) == 1 and words[0] in _COUNTERS
 
 
+def is_direction(text: str) -> bool:
+    """Return True for a name without unit of a column that may give the direction of rotation."""
+    header = read_header(text)
+    is_free = not header.quantities and header.unit_text is None
+    return is_free and bool(_DIRECTIONS.intersection(_words(text[:LONGEST_CELL])))
+
+
+_DIRECTIONS = frozenset(
+    "dir direction sense sign polarity fwd forward rev reverse cw ccw richtung drehrichtung "
+    "laufrichtung vorzeichen".split()
+)
 _COUNTERS = frozenset("sample samples index idx row tick ticks step".split())
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,9 +88,14 @@ _RATIO_TOLERANCE = 0.03
 
 
 def check_values(
-    channels: dict[str, Array], time: Array, locator: SourceLocator
+    channels: dict[str, Array],
+    time: Array,
+    locator: SourceLocator,
+    constants: Collection[str] = (),
 ) -> Iterator[RunWarning]:
     """Reject impossible values and warn of unusual ones, for all channels except time, in SI units.
+
+    The channels of `constants` are constant by the mapping.
 
     Raises:
         AbsurdValue: A value is outside the possible range, or two channels contradict each other.
@@ -102,7 +107,8 @@ def check_values(
                 _refuse_kelvin(signal, locator)
             yield from _check_bounds(name, signal, locator)
     refuse_all(errors)
-    yield from _check_movement(channels, locator)
+    logged = {name: signal for name, signal in channels.items() if name not in constants}
+    yield from _check_movement(logged, locator)
     yield from _check_same(channels, locator)
     if "position_rad" in channels and "speed_rad_s" not in locator.derived:
         yield from _check_position(channels["position_rad"], channels["speed_rad_s"], time, locator)

@@ -31,6 +31,7 @@ from identification.ingest.formats import FORMAT_READERS
 from identification.ingest.frame import Frame
 from identification.ingest.held import find_held
 from identification.ingest.mapping import MappingLike, RunMapping, read_mapping
+from identification.ingest.names import is_direction
 from identification.ingest.plausibility import check_values
 from identification.ingest.reader import (
     Reader,
@@ -41,6 +42,7 @@ from identification.ingest.reader import (
     not_finite,
 )
 from identification.ingest.run import Run, RunWarning, Source, SourceLocator
+from identification.ingest.supplied import requested, supplied
 from identification.ingest.tables import choose_table, closest_table
 from identification.ingest.text import TextReader
 from identification.ingest.timing import check_time, find_segments
@@ -117,7 +119,7 @@ def _opened(file: RunFile, readers: Sequence[Reader]) -> SourceTable | TableSet:
 
 def _check_size(samples: Samples, limits: Limits) -> None:
     shapes = {cells.shape for cells in samples.cells.values()}
-    rows = samples.cells["time_s"].size
+    rows = next(iter(samples.cells.values())).size
     if shapes != {(rows,)}:
         raise RaggedRow(
             f"the columns have the shapes {sorted(shapes)}; expected one cell for each sample"
@@ -145,17 +147,14 @@ def _run(
 ) -> Run:
     """Choose a table, assign its columns, read its cells, convert to SI units and check."""
     table, channels = choose_table(opened, mapping)
-    samples = table.read(tuple(channels.values()))
+    samples = table.read(requested(channels))
     _check_size(samples, limits)
     labels = {name: channel.column.label for name, channel in channels.items()}
     locator = SourceLocator(file.name, labels, samples.row)
+    samples, supplies = supplied(samples, channels, locator)
     values, warnings = _values(channels, samples, locator)
-    sources = {
-        name: Source(
-            c.column.title, c.unit.name, c.scale, c.offset, samples.methods.get(name), c.period
-        )
-        for name, c in channels.items()
-    }
+    warnings += supplies
+    sources = {name: _source(c, samples.methods.get(name)) for name, c in channels.items()}
     if "duty" in channels:
         values, locator, note = with_voltage(values, locator)
         warnings.append(note)
@@ -169,11 +168,13 @@ def _run(
     time = values.pop("time_s")
     segments, notes = find_segments(time, locator)
     warnings += notes
-    warnings += check_values(values, time, locator)
+    constants = [name for name, channel in channels.items() if channel.value is not None]
+    warnings += check_values(values, time, locator, constants)
     measured = {name: values[name] for name in ("voltage_V", "current_A", "speed_rad_s")}
     clipped, notes = find_clipped(measured, locator)
     held, more = find_held(measured, locator)
     notes += more
+    spare = _spare(table.columns, channels)
     run = Run(
         name=file.name,
         sha256=file.sha256(),
@@ -187,8 +188,9 @@ def _run(
         clipped=clipped,
         held=held,
         sources=sources,
+        direction=next((c.title for c in spare if any(map(is_direction, c.texts))), None),
     )
-    about_file = (*_header_warnings(table.columns, channels, run, locator), *samples.warnings)
+    about_file = (*_header_warnings(spare, channels, run, locator), *samples.warnings)
     return dataclasses.replace(run, warnings=(*about_file, *warnings, *notes))
 
 
@@ -290,11 +292,29 @@ def _in_si(cells: Array, channel: Channel, locator: SourceLocator) -> Array:
     return values
 
 
+def _source(channel: Channel, method: str | None) -> Source:
+    supply = None if channel.is_logged else "row" if channel.value is None else "constant"
+    return Source(
+        channel.column.title,
+        channel.unit.name,
+        channel.scale,
+        channel.offset,
+        supply or method,
+        channel.period,
+        channel.sign.title if channel.sign else None,
+        channel.value,
+    )
+
+
+def _spare(columns: Sequence[Column], channels: dict[str, Channel]) -> list[Column]:
+    """Named columns that no channel uses."""
+    used = {column.index for channel in channels.values() for column in channel.columns}
+    return [column for column in columns if column.index not in used and column.texts]
+
+
 def _header_warnings(
-    columns: Sequence[Column], channels: dict[str, Channel], run: Run, locator: SourceLocator
+    spare: Sequence[Column], channels: dict[str, Channel], run: Run, locator: SourceLocator
 ) -> Iterator[RunWarning]:
-    used = {channel.column.index for channel in channels.values()}
-    spare = [column for column in columns if column.index not in used and column.texts]
     if run.temperature is None:
         similar = similar_columns("temperature_degC", spare)
         titles = listed(column.title for column in similar)

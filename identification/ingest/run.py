@@ -99,7 +99,9 @@ class Source:
     `method` is ``linear`` or ``hold`` for a channel brought to the clock of another one,
     ``difference`` for a speed derived from the angle, ``duty`` for a voltage that is duty cycle
     times bus voltage, else None.  `period` is the change of the cell after which an angle starts
-    again.
+    again, and `sign` the column of directions by which the cell is multiplied.  The `method` of a
+    channel without a column is ``constant``, with its `value` in `unit`, or ``row``, the number of
+    the sample.
     """
 
     header: str
@@ -108,21 +110,33 @@ class Source:
     offset: float = 0.0
     method: str | None = None
     period: float | None = None
+    sign: str | None = None
+    value: float | None = None
 
     @property
     def origin(self) -> str | None:
         """Channel from which this one is derived; None for a logged one."""
         return {"difference": "position_rad", "duty": "duty"}.get(self.method or "")
 
+    @property
+    def cell(self) -> str:
+        """The cell as a ``--map`` argument gives it: the column, times that of its sign."""
+        return self.header if self.sign is None else f"{self.header} * {self.sign}"
+
     def entry(self) -> dict[str, object]:
-        """The source as plain data: the keys of a mapping, with period and method if any."""
+        """The source as plain data: the keys of a mapping, and the method if any."""
         entry: dict[str, object] = {
             "column": self.header,
             "unit": self.unit,
             "scale": self.scale,
             "offset": self.offset,
         }
-        further = {"period": self.period, "method": self.method}
+        further = {
+            "period": self.period,
+            "sign": self.sign,
+            "value": self.value,
+            "method": self.method,
+        }
         return entry | {key: value for key, value in further.items() if value is not None}
 
 
@@ -157,6 +171,8 @@ class Run:
     """Warnings issued while reading."""
     sources: Mapping[str, Source] = field(default_factory=dict)
     """Channel name to source column; empty for a synthetic run."""
+    direction: str | None = None
+    """Unused column that may give the direction of rotation, by its name; None if there is none."""
 
     def __post_init__(self) -> None:
         if not self.segments:

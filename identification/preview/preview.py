@@ -237,8 +237,10 @@ def _mapped(source: Source | None) -> dict[str, object] | None:
     """Entry of a mapping for a channel; None if it has no column of its own."""
     if source is None or source.origin is not None:
         return None
+    if source.value is not None:
+        return {"value": source.value, "unit": source.unit}
     scaled = source.scale != 1.0 or source.offset != 0.0
-    kept = ("column", "unit", "period", *(("scale", "offset") if scaled else ()))
+    kept = ("column", "unit", "period", "sign", *(("scale", "offset") if scaled else ()))
     return {name: value for name, value in source.entry().items() if name in kept}
 
 

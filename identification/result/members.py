@@ -91,12 +91,17 @@ class Channel(ResultObject):
     unit: str
     scale: Number
     offset: Number
-    method: Literal["linear", "hold", "difference", "duty"] = ABSENT
+    method: Literal["linear", "hold", "difference", "duty", "constant", "row"] = ABSENT
     """How a channel with a clock of its own was brought to the clock of the run (linear
     interpolation, or hold of the previous value), or how it was derived: difference of the angle
-    over each sample interval, or duty cycle times bus voltage."""
+    over each sample interval, duty cycle times bus voltage, the constant `value`, or the number of
+    the sample."""
     period: float = ABSENT
     """Change of the cell after which an angle or a counter starts again, if it is mapped."""
+    sign: str = ABSENT
+    """Column of directions by which the cell is multiplied, if it is mapped."""
+    value: float = ABSENT
+    """Constant in the unit, in place of a column, if it is mapped."""
 
 
 class RunEntry(ResultObject):

@@ -346,3 +346,48 @@ def test_pending_runs_survive_a_restart_and_count_for_the_quota(data_dir: Path) 
     assert refused.status_code == 403
     assert "1 runs of 1 allowed" in refused.text
     assert run in shown
+
+
+def board_text(seed: int) -> bytes:
+    """Run of a board without times, whose voltage is a magnitude beside the pin of a direction."""
+    _, *rows = run_text(seed).decode().splitlines()
+    lines = ["voltage_V,current_A,speed_rad_s,dir"]
+    for row in rows:
+        voltage, current, speed = row.split(",")[1:4]
+        lines.append(f"{voltage.lstrip('-')},{current},{speed},{int(not voltage.startswith('-'))}")
+    return "\n".join([*lines, ""]).encode()
+
+
+def test_direction_row_and_constant_are_selected(page: Page) -> None:
+    """The form offers what the mapping can supply, and the stored run has this mapping."""
+    form = selected(
+        time_s__column="row",
+        time_s__was="row",
+        time_s__factor="0.001",
+        voltage_V__column="voltage_V",
+        voltage_V__sign="+dir",
+        current_A__column="current_A",
+        speed_rad_s__column="speed_rad_s",
+        temperature_degC__column="=",
+        temperature_degC__offset="23",
+    )
+
+    shown = [
+        page.http.post(f"/pending/{page.drop(board_text(seed))}/mapping", data=form).text
+        for seed in (3, 4)
+    ]
+
+    for text in shown:
+        assert '<option value="+dir" selected>' in text
+        assert '<option value="row" selected>' in text
+        assert '<option value="=" selected>' in text
+        assert "sign_from_direction" in text
+    page.http.post("/pending/confirm")
+    expected = {
+        "time_s": {"column": "row", "unit": "s", "scale": 0.001, "offset": 0.0},
+        "voltage_V": {"column": "voltage_V", "sign": "dir"},
+        "current_A": {"column": "current_A"},
+        "speed_rad_s": {"column": "speed_rad_s"},
+        "temperature_degC": {"value": 23.0},
+    }
+    assert [run["mapping"] for run in page.runs()] == [expected, expected]

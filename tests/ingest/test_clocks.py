@@ -16,7 +16,7 @@ from identification.ingest.formats.clocks import Signal, SignalTable
 
 Array = NDArray[np.float64]
 
-UNITS = {"voltage": "V", "current": "A", "speed": "rad/s", "temperature": "degC"}
+UNITS = {"voltage": "V", "current": "A", "speed": "rad/s", "temperature": "degC", "dir": ""}
 
 
 def clock(step: float) -> Array:
@@ -126,3 +126,31 @@ def test_channel_whose_time_decreases_is_refused_with_its_sample(tmp_path: Path)
 
     with pytest.raises(errors.BackwardTime, match="row 3, column speed: .* 0.02 s to 0.01 s"):
         read(tmp_path, voltage=FAST, current=FAST, speed=speed)
+
+
+def test_constant_voltage_has_no_clock(tmp_path: Path) -> None:
+    """The clock is then that of the fastest of current and speed."""
+    time = {"current": MEDIUM, "speed": FAST}
+    signals = {name: (clock, 2.0 * clock) for name, clock in time.items()}
+    path = tmp_path / "run.any"
+    path.write_bytes(b"signals")
+
+    run = read_run(path, readers=[Reader(signals)], mapping={"voltage_V": {"value": 12.0}})
+
+    assert np.array_equal(run.time, FAST)
+    assert np.all(run.voltage == 12.0)
+
+
+def test_direction_keeps_its_last_value(tmp_path: Path) -> None:
+    """A direction between 1 and -1 would be none."""
+    direction = np.where(np.arange(SLOW.size) % 2 == 0, 1.0, -1.0)
+    signals = {"voltage": (FAST, np.full(FAST.size, 3.0)), "dir": (SLOW, direction)}
+    signals |= {name: (FAST, 2.0 * FAST) for name in ("current", "speed")}
+    path = tmp_path / "run.any"
+    path.write_bytes(b"signals")
+    mapping = {"voltage_V": {"column": "voltage", "sign": "dir"}}
+
+    run = read_run(path, readers=[Reader(signals)], mapping=mapping)
+
+    expected = direction[np.searchsorted(SLOW, run.time, side="right") - 1]
+    assert np.array_equal(run.voltage, 3.0 * expected)

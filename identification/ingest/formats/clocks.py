@@ -108,7 +108,7 @@ class SignalTable:
         methods = {}
         for name in used:
             if name in others:
-                methods[name] = "hold" if name in _HELD else "linear"
+                methods[name] = "hold" if _is_held(used[name]) else "linear"
                 cells[name] = _brought(cells[name], others[name], common, used[name])
             else:
                 cells[name] = cells[name][rows]
@@ -159,9 +159,11 @@ def joined(
 
 def _base(clocks: Mapping[str, Array]) -> str:
     """Channel whose clock is used."""
-    voltage_name = "voltage_V" if "voltage_V" in clocks else "duty"
     stand_ins = {"voltage_V": "duty", "speed_rad_s": "position_rad"}
-    fast = [name if name in clocks else stand_ins[name] for name in _MEASURED]
+    fast = [name if name in clocks else stand_ins.get(name, "") for name in _MEASURED]
+    # A constant voltage has no clock.
+    fast = [name for name in fast if name in clocks]
+    voltage_name = fast[0]
     intervals = {n: float(np.median(np.diff(clocks[n]))) for n in fast if clocks[n].size > 1}
     if not intervals:
         return voltage_name
@@ -194,12 +196,16 @@ def _covered(time: Array, clock: Array) -> NDArray[np.bool_]:
 
 def _brought(cells: Array, clock: Array, time: Array, channel: Channel) -> Array:
     """Samples of a channel at the times of another clock."""
-    if channel.name in _HELD:
+    if _is_held(channel):
         return cells[np.searchsorted(clock, time, side="right") - 1]
     blank = np.isnan(cells)
     if channel.may_be_blank and np.any(blank) and not np.all(blank):
         clock, cells = clock[~blank], cells[~blank]
     return np.asarray(np.interp(time, clock, cells), dtype=np.float64)
+
+
+def _is_held(channel: Channel) -> bool:
+    return channel.name in _HELD or channel.is_direction
 
 
 def _interval(clock: Array) -> str:

@@ -24,6 +24,7 @@ from identification.errors import (
     WrongUnit,
 )
 from identification.ingest.channels import Channel
+from identification.ingest.directions import direction_of
 from identification.ingest.display import quoted
 from identification.ingest.faults import Faults
 from identification.ingest.reader import blank_cell, not_finite
@@ -229,7 +230,11 @@ class SampleReader:
         values: list[float] = []
         for channel in self._channels:
             try:
-                values.append(self._number(cells[channel.column.index], channel, number))
+                cell = cells[channel.column.index]
+                if channel.is_direction and cell:
+                    values.append(direction_of(cell, channel.column.label, number))
+                    continue
+                values.append(self._number(cell, channel, number))
             except RunFileError as error:
                 self.faults.add(error)
         return values
