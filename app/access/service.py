@@ -64,14 +64,17 @@ class AccessService:
         *,
         days: float | None = None,
         owner: bool = True,
+        key_id: str | None = None,
     ) -> tuple[KeyRow, str]:
         """Create a key, and return it with its secret, which is not stored.
 
         The name labels it in the list of keys; an owner may manage the keys of its workspace;
-        without `days` the key does not expire.
+        without `days` the key does not expire; `key_id` is its new identifier, by default a random
+        one.
 
         Raises:
-            OptionError: The name, the workspace or the number of days is not accepted.
+            OptionError: The name, the workspace or the number of days is not accepted, or another
+                key has this identifier.
         """
         if not _WORKSPACE.fullmatch(workspace):
             raise OptionError(
@@ -88,7 +91,7 @@ class AccessService:
         now = time.time()
         secret = _PREFIX + secrets.token_urlsafe(32)
         key = KeyRow(
-            id=new_id("key"),
+            id=key_id or new_id("key"),
             workspace=workspace,
             name=name,
             digest=_digest(secret),
@@ -97,6 +100,8 @@ class AccessService:
             owner=owner,
         )
         with self._database.writing() as session:
+            if session.get(KeyRow, key.id) is not None or not is_id("key", key.id):
+                raise OptionError("this form has created a key already; load the page again")
             session.add(key)
         return key, secret
 

@@ -6,14 +6,16 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import httpx
 import pytest
 
-from tests.app.browser import Held, needs_browser
+from app.identifiers import new_id
+from tests.app.browser import Held, needs_browser, wait_until_settled
 from tests.app.pretended import FAMILY
 from tests.app.service import Caller, Server, make_key, run_text, serving
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Page, Route
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
@@ -158,6 +160,65 @@ def test_second_press_while_a_key_is_created_creates_none(page: Page) -> None:
     page.locator(".secret").wait_for()
 
     assert page.locator("tbody th", has_text="bench 9").count() == 1
+
+
+def test_key_whose_secret_was_lost_is_named_and_revoked(page: Page) -> None:
+    """The service creates the key, and the answer does not arrive; nor does one to a second press.
+
+    The page asks once the service responds again, also after it was loaded anew.
+    """
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.goto("/keys")
+
+    def lose(route: Route) -> None:
+        if route.request.method == "POST":
+            route.fetch()
+        route.abort()
+
+    page.route(re.compile(r"/keys(\?|$)"), lose)
+    page.fill("#name", "bench 7")
+    page.click("text=Create key")
+    page.wait_for_selector("#problem >> text=does not respond")
+    page.unroute(re.compile(r"/keys(\?|$)"))
+    page.reload()
+    page.locator("[role=alert]", has_text="The key bench 7 was created").wait_for()
+    shown = page.locator(".secret").count(), page.locator("tbody th", has_text="bench 7").count()
+    page.get_by_label("Revoke the unseen key bench 7").click()
+    page.locator("#keys [role=alert]").wait_for(state="detached")
+
+    assert shown == (0, 1)
+    assert page.locator("tr", has_text="bench 7").locator(".state").inner_text() == "revoked"
+    page.reload()
+    wait_until_settled(page)
+    assert page.locator("#keys [role=alert]").count() == 0
+
+
+def test_key_that_was_not_created_is_sent_again(page: Page) -> None:
+    """The request does not arrive; the form keeps its text, and its second press makes one key."""
+    page.goto("/keys")
+    page.route("**/keys", lambda route: route.abort(), times=1)
+    page.fill("#name", "bench 6")
+    page.click("text=Create key")
+    page.wait_for_selector("#keys-problem >> text=was not created")
+    assert page.inner_text("#problem") == ""
+    page.click("text=Create key")
+    page.locator(".secret").wait_for()
+
+    assert page.locator("tbody th", has_text="bench 6").count() == 1
+
+
+def test_form_of_a_key_that_is_sent_again_creates_no_second_key(server: Server, key: str) -> None:
+    """The answer names the key; an ID of another form is refused."""
+    headers = {"Authorization": f"Bearer {key}", "HX-Request": "true"}
+    form = {"name": "bench 5", "key": new_id("key")}
+    first, second, other = (
+        httpx.post(f"{server.url}/keys", data=each, headers=headers)
+        for each in (form, form, form | {"key": "bench"})
+    )
+
+    assert ('class="secret"' in first.text, 'class="secret"' in second.text) == (True, False)
+    assert "The key bench 5 was created, but" in second.text
+    assert other.status_code == 422
 
 
 def test_new_key_remains_while_others_are_managed(page: Page) -> None:
