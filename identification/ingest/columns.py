@@ -47,6 +47,8 @@ __all__ = [
 _GAINS = {"voltage_V": "V_PER_V", "current_A": "A_PER_V", "speed_rad_s": "RAD_S_PER_V"}
 """Gains that stand in examples for those of probes and sensors, which give volts."""
 
+_MEASURED = frozenset(_GAINS)
+
 # Entries of a units row that mean no unit.
 _NO_UNIT = ("", "-", "--", "1", "none", "n/a")
 
@@ -194,6 +196,11 @@ def missing_columns(
         }
     ]
     hint, derived = _derivations(names, free)
+    if similar.get("voltage_V") == [] and not any("voltage_V" in each for each in derived):
+        hint += " (a voltage that was constant during the whole run is a number)"
+        derived.append({"voltage_V": {"value": "VOLTS"}})
+    if len(_in_volts(free)) == 1 and len(_MEASURED.intersection(names)) > 1:
+        hint += "; join the files of an oscilloscope that writes one for each channel"
     is_needed = similar.get("current_A") == [] and "speed_rad_s" not in names
     needed = _NO_CURRENT if is_needed else ""
     absent = ", ".join(name for name in names if not similar[name])
@@ -230,9 +237,6 @@ def _derivations(names: Sequence[str], free: Sequence[Column]) -> tuple[str, lis
             "or, where that is constant, times a scale)"
         )
         examples.append(scaled_example("voltage_V", duties[0], "VOLT_PER_DUTY"))
-    elif "voltage_V" in names:
-        hint += " (a voltage that was constant during the whole run is a number)"
-        examples.append({"voltage_V": {"value": "VOLTS"}})
     angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
     if angles:
         hint += (
@@ -260,8 +264,12 @@ def _unnamed(columns: Sequence[Column], names: Sequence[str]) -> list[Column]:
 
     Empty if fewer than two could be the missing channels.
     """
-    measured = {"voltage_V", "current_A", "speed_rad_s"} & set(names)
-    found = [
+    found = _in_volts(columns)
+    return found if min(len(found), len(_MEASURED.intersection(names))) > 1 else []
+
+
+def _in_volts(columns: Sequence[Column]) -> list[Column]:
+    return [
         column
         for column in columns
         if column.unit is not None
@@ -269,7 +277,6 @@ def _unnamed(columns: Sequence[Column], names: Sequence[str]) -> list[Column]:
         and not column.quantities
         and not any(map(is_setpoint, column.texts))
     ]
-    return found if min(len(found), len(measured)) > 1 else []
 
 
 def _unnamed_columns(

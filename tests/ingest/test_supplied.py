@@ -183,6 +183,46 @@ def test_constants_and_rows_replace_columns(tmp_path: Path) -> None:
     assert {"time_s": {"column": "row", "scale": "SECONDS_PER_SAMPLE"}} in caught.value.examples
 
 
+@pytest.mark.parametrize(
+    ("above", "times", "settings"),
+    [
+        ("Horizontal Units,s\nVertical Units,V\nTIME,{}\n", (), ["time_s=TIME"]),
+        ("X,{},Start,Increment,\nSequence,Volt,0,1e-3\n", ("",), ["time_s=row / 1000"]),
+    ],
+)
+def test_files_of_one_channel_are_joined(
+    tmp_path: Path, above: str, times: tuple[str, ...], settings: list[str]
+) -> None:
+    """Each file says what to do, and their columns side by side are a run."""
+    values = (RECORD["voltage_V"], RECORD["current_A"] / 10.0, RECORD["speed_rad_s"])
+    columns: list[list[str]] = []
+    for number, cells in enumerate(values, start=1):
+        path = tmp_path / f"CH{number}.csv"
+        # Rigol numbers the samples.
+        first = map(repr, range(400)) if times else map(repr, RECORD["time_s"].tolist())
+        lines = [",".join(row) for row in zip(first, map(repr, cells.tolist()), strict=True)]
+        end = "".join(f"{line},{','.join(times)}\n" if times else f"{line}\n" for line in lines)
+        path.write_text(above.format(f"CH{number}") + end, encoding="utf-8")
+        with pytest.raises(MissingColumn, match="join the files of an oscilloscope"):
+            read_run(path)
+        cut = slice(1, 2) if times or columns else slice(0, 2)
+        rows = path.read_text(encoding="utf-8").splitlines()
+        columns.append([",".join(row.split(",")[cut]) for row in rows])
+    joined = tmp_path / "run.csv"
+    joined.write_text("\n".join(map(",".join, zip(*columns, strict=True))) + "\n", encoding="utf-8")
+
+    run = read_run(
+        joined,
+        mapping=mapped(
+            *settings, "voltage_V=CH1", "current_A=CH2 * 10", "speed_rad_s=CH3 in rad/s"
+        ),
+    )
+
+    np.testing.assert_allclose(run.voltage, RECORD["voltage_V"], rtol=1e-12)
+    np.testing.assert_allclose(run.current, RECORD["current_A"], rtol=1e-12)
+    np.testing.assert_array_equal(run.speed, RECORD["speed_rad_s"])
+
+
 def test_column_named_row_has_priority() -> None:
     """Its cells count by two."""
     data = pd.DataFrame(RECORD).drop(columns="time_s").assign(row=2.0 * np.arange(400))

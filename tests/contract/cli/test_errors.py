@@ -78,7 +78,7 @@ REFUSED = {
         "expected CHANNEL=",
     ),
     "map has a bad scale": (
-        ["fit", "a.csv", "--map", "current_A=x * two", "--out", "o"],
+        ["fit", "a.csv", "--map", "temperature_degC=x * two", "--out", "o"],
         "'two' is not a number",
     ),
     "map has a bad unit": (
