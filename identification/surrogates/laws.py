@@ -18,12 +18,12 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.effects.effect import AbstractEffect, AbstractForced, CampaignScales, Candidate
-from identification.effects.parameters import amplitude, columns, shape
-from identification.effects.second_inertia import (
+from identification.effects.load import (
     AbstractSecondInertia,
     resonances,
     share_of_inertia,
 )
+from identification.effects.parameters import amplitude, columns, shape
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import (

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
-from identification.effects.load import ShaftCompliance
-from identification.effects.second_inertia import AbstractSecondInertia
+from identification.effects.load import AbstractSecondInertia, ShaftCompliance
 from identification.fit.declared import fit_declared
 from identification.model.term import Signals, Values
 from identification.selection.search import search
