@@ -18,7 +18,7 @@ from typing import Final, NamedTuple, TypeVar
 import casadi as ca
 
 from identification.errors import ComputationError
-from identification.model.vectors import vector_functions, vector_width
+from identification.model.machine import vector_functions, vector_width
 
 __all__ = [
     "BINARY",

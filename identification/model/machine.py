@@ -9,6 +9,14 @@ Cached code is executed, so a file is used only if it belongs to this user and l
 that nobody else can write to.  Each file begins with its checksum: a file truncated by a power
 failure is compiled again.  Without such a folder nothing is cached.  `MOTORID_CACHE` sets another
 folder; an empty value disables the cache.
+
+LLVM can only call the scalar exp, log, sin, cos and pow, one lane at a time.  The C library of
+Linux has versions for AVX2 and AVX-512 registers (libmvec, error at most 4 units in the last
+place).  These functions dominate the run time of a motor with smooth friction or a brush drop.
+Without the library each lane is computed separately.
+
+Source: GNU C Library, "Vector ABI of x86-64" and the notes to version 2.22 (exp, log, pow, sin,
+cos).
 """
 
 from __future__ import annotations
@@ -28,17 +36,18 @@ from typing import Any, Final, Literal
 import llvmlite
 import llvmlite.binding as llvm
 
-from identification.model.vectors import vector_functions
-
-__all__ = ["Level", "Loaded", "compiled", "keep", "kept"]
+__all__ = ["Level", "Loaded", "compiled", "keep", "kept", "vector_functions", "vector_width"]
 
 Level = Literal[0, 2]
 """LLVM's level of code generation: 0 quick, 2 optimised."""
 _MOST: Final = 4_000
 """Largest number of files in the cache; above it the least recently used half is removed.  A fit
 uses about 200 files of about 20 kB each."""
-_SOURCES: Final = ("loop.py", "lowering.py", "machine.py", "scan.py", "vectors.py")
+_SOURCES: Final = ("loop.py", "lowering.py", "machine.py", "scan.py")
 _SUM: Final = hashlib.sha256().digest_size
+_LIBRARY: Final = "libmvec.so.1"
+_NAMES: Final = {"exp": "v", "log": "v", "sin": "v", "cos": "v", "pow": "vv"}
+"""Vectorised functions and the letters of their operands in the names of their versions."""
 
 
 def compiled(text: Callable[[], str], level: Level, key: str | None) -> bytes:
@@ -172,3 +181,24 @@ def _tidied(folder: Path) -> None:
         for _, path in sorted(files)[: len(files) // 2]:
             with contextlib.suppress(OSError):
                 os.unlink(path)
+
+
+@functools.cache
+def vector_width() -> int:
+    """Lanes of one call: those of the widest registers of this processor."""
+    return 8 if llvm.get_host_cpu_features().get("avx512f", False) else 4
+
+
+@functools.cache
+def vector_functions() -> dict[str, str]:
+    """Symbols of the available versions for `vector_width` lanes; loads their library."""
+    if not llvm.get_host_cpu_features().get("avx2", False):
+        return {}
+    try:
+        llvm.load_library_permanently(_LIBRARY)
+    except RuntimeError:
+        return {}
+    width = vector_width()
+    registers = {4: "d", 8: "e"}[width]
+    symbols = {name: f"_ZGV{registers}N{width}{word}_{name}" for name, word in _NAMES.items()}
+    return {name: symbol for name, symbol in symbols.items() if llvm.address_of_symbol(symbol)}

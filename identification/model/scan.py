@@ -35,8 +35,7 @@ from identification.arrays import Array
 from identification.model.interpreter import Interpreted
 from identification.model.loop import STRIDE, lower
 from identification.model.lowering import LANES
-from identification.model.machine import Level, Loaded, compiled
-from identification.model.vectors import vector_width
+from identification.model.machine import Level, Loaded, compiled, vector_width
 from identification.threads import threads
 from identification.work import charge, charge_once
 

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from identification.model import lowering, vectors
+from identification.model import lowering, machine
 from identification.model.scan import Scan
 
 FUNCTIONS = {
@@ -33,13 +33,13 @@ def scanned(function: object, points: np.ndarray) -> np.ndarray:
 def width(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """Width of the registers, if this processor has them."""
     lanes = int(request.param)
-    if lanes > vectors.vector_width():
+    if lanes > machine.vector_width():
         pytest.skip("the processor has no registers of this width")
-    for module in (lowering, vectors):
+    for module in (lowering, machine):
         monkeypatch.setattr(module, "vector_width", lambda: lanes)
-    vectors.vector_functions.cache_clear()
+    machine.vector_functions.cache_clear()
     yield lanes
-    vectors.vector_functions.cache_clear()
+    machine.vector_functions.cache_clear()
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -48,7 +48,7 @@ def test_a_function_of_registers_is_within_four_units_of_the_last_place(
 ) -> None:
     """The specified accuracy of libmvec is four ulp; the scalar functions are the reference."""
     function, points = FUNCTIONS[name]
-    assert all(f"N{width}v" in symbol for symbol in vectors.vector_functions().values())
+    assert all(f"N{width}v" in symbol for symbol in machine.vector_functions().values())
     fast = scanned(function, points)
     monkeypatch.setattr(lowering, "vector_functions", dict)
     slow = scanned(function, points)
