@@ -3,8 +3,7 @@
 proposal = propose(task_of_result(read_result("out/motor").result, DesignOptions()))
 Path("next.csv").write_text(profile_csv(proposal))
 
-models.py     models of a result or a nameplate, with the covariance of their parameters
-quantity.py   quantity to narrow
+models.py     models of a result or a nameplate, their covariance, and the quantity to narrow
 task.py       models, quantity, limits and grid of the run
 profiles.py   families of voltage profiles
 response.py   readings and sensitivities of a candidate

@@ -10,8 +10,14 @@ from typing import Any, Final
 import numpy as np
 
 from identification.design.limits import UNITS, Limits, limits_of
-from identification.design.models import DesignModel, models_of, nameplate_models, time_constants
-from identification.design.quantity import Quantity, quantity_of
+from identification.design.models import (
+    DesignModel,
+    Quantity,
+    models_of,
+    nameplate_models,
+    quantity_of,
+    time_constants,
+)
 from identification.design.response import Conditions
 from identification.errors import InputError, OptionError
 from identification.nameplate import nameplate_of
