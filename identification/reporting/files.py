@@ -12,9 +12,9 @@ from identification.errors import InputError
 from identification.reporting.html import render_report
 from identification.result.atomic import write_text
 from identification.result.collect import report_data
+from identification.result.draws import write_posterior
 from identification.result.entries import finite_or_null, write_result
 from identification.result.findings import Findings
-from identification.result.netcdf import write_posterior
 
 __all__ = ["HasFindings", "report", "write_chain", "write_outputs", "write_report"]
 

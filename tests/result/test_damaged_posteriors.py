@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from identification.errors import InputError
 from identification.identified import read_result
 from identification.quantities import DECLARED_PARAMETERS
-from identification.result.draws import chain_draws
-from identification.result.netcdf import write_posterior
+from identification.result.draws import chain_draws, write_posterior
 
 UNITS = ("ohm", "1/K", "N m/A", "1/K", "kg m^2", "N m s/rad", "H")
 CHAIN = 2.0 + 0.02 * np.random.default_rng(3).standard_normal((50, 8, 7))

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from identification.result.netcdf import write_posterior
+from identification.result.draws import write_posterior
 
 NAMES, UNITS = ("Ra25", "J"), ("ohm", "kg m^2")
 RNG = np.random.default_rng(51)

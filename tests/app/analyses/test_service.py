@@ -15,8 +15,8 @@ from app.fits.service import FitService, StoredFit
 from app.tables import FitRow
 from identification.errors import InputError, OptionError
 from identification.quantities import DECLARED_PARAMETERS
+from identification.result.draws import write_posterior
 from identification.result.entries import parameter_entry
-from identification.result.netcdf import write_posterior
 
 CALLER = Caller("default")
 FRICTIONS = (0.1, 0.2, 0.4)

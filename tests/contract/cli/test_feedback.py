@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from identification.result.netcdf import write_posterior
+from identification.result.draws import write_posterior
 
 PAPER = [
     "--set", "Ra25=0.59", "alpha_Ra=0.004", "Kt25=0.071", "alpha_Kt=-0.002",
