@@ -5,7 +5,6 @@
     loop.py           motor and controller as transfer functions, one for each draw
     roots.py          roots of many polynomials or functions at once
     modes.py          sums of exponential modes, also for coincident poles, and their bounds
-    turns.py          zeros of the derivative of such a sum, from which monotone pieces follow
     step_response.py  rise, settling, peak and overshoot, exactly
     margins.py        gain margin, phase margin and bandwidth, exactly, also with a delay
     tuning.py         the PI controller that suits a motor
