@@ -6,8 +6,7 @@
     fmu.py        FMU for co-simulation, FMI 2.0 and 3.0
     linear.py     transfer function and state space at a temperature
     scripts.py    scripts for other programs, with the continuous equations
-    table.py      CSV table of parameters and metrics
-    formats.py    the formats by name, and `export`
+    formats.py    the formats by name, CSV among them, and `export`
 
 All formats are printed from the expressions that `predict` simulates.
 """

@@ -1,8 +1,10 @@
-"""Formats of an export, by name."""
+"""Formats of an export, by name; CSV is a table of parameters, effects and feedback metrics."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import csv
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, Literal
@@ -14,14 +16,20 @@ from identification.errors import OptionError
 from identification.export.c_code import c_code
 from identification.export.fmu import fmu
 from identification.export.language import MATLAB, MODELICA, PYTHON, Language
-from identification.export.model import Exported, exported_model
+from identification.export.model import Exported, entries_of, exported_model
 from identification.export.scripts import continuous_notes, linear_motors, script
-from identification.export.table import csv_table, entries_of
+from identification.speed_loop.metrics import METRIC_UNITS
 from identification.speed_loop.spread import checked_temperatures
 
-__all__ = ["FORMATS", "Export", "ExportFormat", "export"]
+__all__ = ["Export", "ExportFormat", "FORMATS", "csv_table", "export"]
 
 Draws = Mapping[str, NDArray[np.float64]]
+_COLUMNS: Final = (
+    "group", "name", "temperature_degC", "controller", "mean", "sd", "q05", "median", "q95", "unit",
+    "identified",
+)  # fmt: skip
+
+_GROUPS: Final = ("feedback", "feedback_nonlinear")
 
 
 @dataclass(frozen=True)
@@ -148,3 +156,42 @@ FORMATS: Final[Mapping[str, ExportFormat]] = {
     "csv": ExportFormat(lambda request: Export(csv_table(request.result).encode())),
 }
 """Formats by the name in ``--to``."""
+
+
+def csv_table(result: Mapping[str, Any]) -> str:
+    """Table with one row per parameter and per metric; unknown numbers are empty cells."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _COLUMNS, restval="", lineterminator="\n")
+    writer.writeheader()
+    for row in _rows(result):
+        writer.writerow({name: _cell(row.get(name)) for name in _COLUMNS})
+    return text.getvalue()
+
+
+def _rows(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for name, entry in _members(result.get("parameters")):
+        yield {**entry, "group": "parameters", "name": name}
+    for effect in entries_of(result.get("effects")):
+        for name, entry in _members(effect.get("parameters")):
+            yield {**entry, "group": "effects", "name": f"{effect.get('name')}.{name}"}
+    for group in _GROUPS:
+        for loop in entries_of(result.get(group)):
+            place = {name: loop.get(name) for name in ("temperature_degC", "controller")}
+            for name, entry in _members({name: loop.get(name) for name in METRIC_UNITS}):
+                yield {**entry, **place, "group": group, "name": name}
+
+
+def _members(found: object) -> Sequence[tuple[str, Mapping[str, Any]]]:
+    members = found.items() if isinstance(found, Mapping) else ()
+    return [(str(name), entry) for name, entry in members if isinstance(entry, Mapping)]
+
+
+def _cell(value: object) -> object:
+    """Cell of the table; a text that a spreadsheet would evaluate is marked as text."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    # A sign alone, such as the unit of a ratio, is no formula.
+    is_formula = isinstance(value, str) and len(value) > 1 and value[0] in "=+-@\t\r"
+    return f"'{value}" if is_formula else value

@@ -18,7 +18,6 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.errors import InputError
-from identification.export.table import entries_of
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.parameter import Parameter
 from identification.model.step import step_function
@@ -37,7 +36,7 @@ from identification.prediction import model_of
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 from identification.result.numbers import finite
 
-__all__ = ["EXTERNAL", "ExportModel", "Exported", "exported_model"]
+__all__ = ["EXTERNAL", "ExportModel", "Exported", "entries_of", "exported_model"]
 
 EXTERNAL: Final = ("load_torque", "angle_given")
 """Last two parameters of an exported model, which are inputs of the program that uses it."""
@@ -184,6 +183,11 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
         new, own, interval, span, max([p for p in peaks if p is not None], default=25.0),
         plan_for(_MARGIN * stiffness), tuple(notes),
     )  # fmt: skip
+
+
+def entries_of(found: object) -> list[Mapping[str, Any]]:
+    """Objects in a list of a result; none if a member is something else."""
+    return [one for one in found if isinstance(one, Mapping)] if isinstance(found, list) else []
 
 
 def _stiffness(model: ExportModel, values: Array, span: Array) -> float:

@@ -7,7 +7,7 @@ import io
 from typing import Any
 
 from identification.export import export
-from identification.export.table import csv_table
+from identification.export.formats import csv_table
 from tests.export.results import FRICTION, result_with
 
 
