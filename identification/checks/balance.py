@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from identification.arrays import Array
 from identification.ingest.run import Run
+from identification.linear import solution
 
 __all__ = [
     "CHANNELS",
@@ -34,6 +35,7 @@ __all__ = [
     "balances_of",
     "has_signal",
     "mean_square",
+    "predicted",
     "regress",
     "reverses",
     "signals_of",
@@ -50,6 +52,8 @@ _FEWEST_WINDOWS: Final = 30
 _BLOCKS: Final = 10
 _NOISE_WINDOW: Final = 16
 _NOISE_TIMES: Final = 4.0
+_RIDGE: Final = 1e-12
+"""Regularisation per sample of `predicted`, whose regressors have a mean square of one."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,24 @@ def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
     errors = np.sqrt((_BLOCKS - 1) * np.mean((spread - spread.mean(axis=0)) ** 2, axis=0))
     missed = mean_square(target - unit @ values) / size**2
     return Regression(values / scale, errors / scale, values / size, missed)
+
+
+def predicted(
+    columns: Sequence[Array], target: Array, used: NDArray[np.bool_], least: float
+) -> tuple[Array, Array]:
+    """Regression of a target (n,) on columns (n,) over the used rows, and its deviation.
+
+    The deviation (n,) is that of a prediction from the used rows, which may determine less than a
+    prediction elsewhere needs; `least` is the least deviation of the regression.
+    """
+    matrix = np.column_stack(columns)
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    matrix /= np.where(scale > 0.0, scale, 1.0)
+    moments = matrix[used].T @ matrix[used] + _RIDGE * target.size * np.eye(matrix.shape[1])
+    values = matrix @ solution(moments, matrix[used].T @ target[used])
+    deviation = max(float(np.sqrt(mean_square((target - values)[used]))), least)
+    leverage = np.sum(matrix * solution(moments, matrix.T).T, axis=1)
+    return np.asarray(values), deviation * np.sqrt(1.0 + leverage)
 
 
 @dataclass(frozen=True)

@@ -28,13 +28,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.checks.balance import Regression, Signals, balances_of, signals_of
+from identification.checks.balance import Regression, Signals, balances_of, predicted, signals_of
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
-from identification.linear import solution
 
 __all__ = ["Joint", "divided", "joined_finding", "joints_of"]
 
@@ -54,8 +52,6 @@ _NEAR: Final = 9
 _CONFIRMED: Final = 0.5
 """Largest change of this error, over the back-EMF of the residual; one if the sensor fails."""
 _FEWEST: Final = 100
-_RIDGE: Final = 1e-12
-"""Regularisation per sample of the regression, whose regressors have a mean square of one."""
 _RESOLUTION: Final = 1e-4
 """Least noise of a speed over its largest value; a jump of ten times this is harmless."""
 
@@ -137,30 +133,18 @@ def joints_of(run: Run) -> list[Joint]:
 def _one_step(signals: Signals) -> tuple[Array, Array]:
     """Residuals (n_sample - 1,) of the regression over neighbouring samples, and their deviations.
 
-    The deviation is that of a prediction: where the voltage takes a value that it has nowhere else,
-    the regression predicts nothing.  Residuals that are not joined are zero.
+    Where the voltage takes a value that it has nowhere else, the regression predicts nothing, and
+    the deviation is large.  Residuals that are not joined are zero.
     """
     v, i, w = signals.voltage, signals.current, signals.speed
     largest = float(np.abs(w).max())
     sign = np.clip(w / (0.02 * largest), -1.0, 1.0)
     columns = (w[:-1], i[:-1], v[:-1], v[1:], sign[:-1], np.ones(w.size - 1))
-    matrix = np.column_stack(columns)
-    scale = np.sqrt(np.mean(matrix**2, axis=0))
-    matrix /= np.where(scale > 0.0, scale, 1.0)
-    first, _ = _regressed(matrix, w[1:], signals.joined)
-    usual = np.quantile(np.abs(first[signals.joined]), 1.0 - _TRIMMED)
-    kept = signals.joined & (np.abs(first) <= usual)
-    residual, moments = _regressed(matrix, w[1:], kept)
-    noise = max(float(np.sqrt(np.mean(residual[kept] ** 2))), _RESOLUTION * largest)
-    leverage = np.sum(matrix * solution(moments, matrix.T).T, axis=1)
-    return np.where(signals.joined, residual, 0.0), noise * np.sqrt(1.0 + leverage)
-
-
-def _regressed(matrix: Array, target: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Residuals (n,) of a regression on the kept rows, and the moment matrix of these rows."""
-    ridge = _RIDGE * target.size * np.eye(matrix.shape[1])
-    moments = matrix[kept].T @ matrix[kept] + ridge
-    return target - matrix @ solution(moments, matrix[kept].T @ target[kept]), moments
+    first = np.abs(w[1:] - predicted(columns, w[1:], signals.joined, 0.0)[0])
+    usual = np.quantile(first[signals.joined], 1.0 - _TRIMMED)
+    kept = signals.joined & (first <= usual)
+    speed, deviation = predicted(columns, w[1:], kept, _RESOLUTION * largest)
+    return np.where(signals.joined, w[1:] - speed, 0.0), deviation
 
 
 def _balance(signals: Signals) -> tuple[float, float, float, float] | None:

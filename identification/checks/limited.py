@@ -26,10 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.checks.balance import Signals, signals_of
+from identification.checks.balance import Signals, predicted, signals_of
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
-from identification.linear import solution
 
 __all__ = [
     "CurrentLimit",
@@ -55,10 +54,6 @@ _RESOLUTION: Final = 1e-4
 """Least deviation of the regression over the largest current."""
 _REGRESSED: Final = 100
 """Fewest samples of the regression."""
-_RIDGE: Final = 1e-12
-"""Regularisation per sample of the regression, whose regressors have a mean square of one."""
-
-
 _FAST: Final = 0.3
 """Least speed of the samples that prove a coasting motor, over the highest speed: the voltage that
 brushes lose stops the current of a braked motor at lower speeds."""
@@ -214,20 +209,10 @@ def _around(near: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _missing(signals: Signals, used: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """(n_sample - 1,) predicted minus measured current, and its standard deviation [A].
-
-    The deviation is that of a prediction from the used samples: they may determine less than a
-    prediction at the limit needs.
-    """
+    """(n_sample - 1,) predicted minus measured current, and its standard deviation [A]."""
     v, i, w = signals.voltage, signals.current, signals.speed
-    sign = np.clip(i / (0.02 * float(np.abs(i).max())), -1.0, 1.0)
+    largest = float(np.abs(i).max())
+    sign = np.clip(i / (0.02 * largest), -1.0, 1.0)
     columns = (i[:-1], w[:-1], w[1:], v[:-1], v[1:], sign[:-1], np.ones(i.size - 1))
-    matrix = np.column_stack(columns)
-    scale = np.sqrt(np.mean(matrix**2, axis=0))
-    matrix /= np.where(scale > 0.0, scale, 1.0)
-    moments = matrix[used].T @ matrix[used] + _RIDGE * i.size * np.eye(matrix.shape[1])
-    missing = matrix @ solution(moments, matrix[used].T @ i[1:][used]) - i[1:]
-    deviation = float(np.sqrt(np.mean(missing[used] ** 2)))
-    deviation = max(deviation, _RESOLUTION * float(np.abs(i).max()))
-    leverage = np.sum(matrix * solution(moments, matrix.T).T, axis=1)
-    return np.asarray(missing), deviation * np.sqrt(1.0 + leverage)
+    current, deviation = predicted(columns, i[1:], used, _RESOLUTION * largest)
+    return current - i[1:], deviation
