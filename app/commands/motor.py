@@ -22,13 +22,7 @@ from identification.label import Label
 from identification.options import FitOptions
 from identification.speed_loop import parse_controllers
 
-__all__ = [
-    "Label",
-    "campaign_runs",
-    "fit",
-    "fit_options",
-    "motor_of",
-]
+__all__ = ["Label", "campaign_runs", "fit", "fit_options", "motor_of"]
 
 _MOST_DRAWS = 2000
 

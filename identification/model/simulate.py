@@ -31,13 +31,7 @@ from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
 from identification.model.scan import Effort, Scan, scan_of
 from identification.model.step import advance, step_function
 from identification.model.step_plan import StepPlan, plan_for, stiffness
-from identification.model.substeps import (
-    MOST_SUBSTEPS,
-    Substeps,
-    divided,
-    evenly,
-    refined,
-)
+from identification.model.substeps import MOST_SUBSTEPS, Substeps, divided, evenly, refined
 from identification.model.weighting import Weighting
 
 __all__ = ["Simulator", "initial_states"]

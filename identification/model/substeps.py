@@ -32,15 +32,7 @@ from identification.model.step import advance
 from identification.model.step_plan import StepPlan
 from identification.model.term import Expression
 
-__all__ = [
-    "MOST_SUBSTEPS",
-    "Substeps",
-    "divided",
-    "doublings",
-    "error_scan",
-    "evenly",
-    "refined",
-]
+__all__ = ["MOST_SUBSTEPS", "Substeps", "divided", "doublings", "error_scan", "evenly", "refined"]
 
 MOST_SUBSTEPS: Final = 64
 """Sample interval over the shortest substep, at most."""

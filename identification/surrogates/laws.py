@@ -18,11 +18,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.effects.effect import AbstractEffect, AbstractForced, CampaignScales, Candidate
-from identification.effects.load import (
-    AbstractSecondInertia,
-    resonances,
-    share_of_inertia,
-)
+from identification.effects.load import AbstractSecondInertia, resonances, share_of_inertia
 from identification.effects.parameters import amplitude, columns, shape
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
