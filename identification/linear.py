@@ -10,9 +10,8 @@ from __future__ import annotations
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Complex
 
 __all__ = ["eigenvalues", "eigh", "least_squares", "root", "solution"]
 
@@ -45,7 +44,7 @@ def eigh(matrix: Array) -> tuple[Array, Array]:
     return np.full(matrix.shape[:-1], np.nan), np.full(matrix.shape, np.nan)
 
 
-def eigenvalues(matrices: Array) -> NDArray[np.complex128]:
+def eigenvalues(matrices: Array) -> Complex:
     """Eigenvalues of general (..., n, n) matrices; NaN for each matrix that is not finite."""
     finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
     values = np.linalg.eigvals(np.where(finite[..., None, None], matrices, 0.0))

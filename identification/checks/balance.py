@@ -20,9 +20,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool, Index
 from identification.ingest.run import Run
 from identification.linear import solution
 
@@ -68,7 +67,7 @@ class Signals:
     """(n_sample,) [A]."""
     speed: Array
     """(n_sample,) [rad/s]."""
-    joined: NDArray[np.bool_]
+    joined: Bool
     """(n_sample - 1,) False for an interval that crosses a gap of the record or touches a saturated
     sample."""
 
@@ -152,7 +151,7 @@ def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
 
 
 def predicted(
-    columns: Sequence[Array], target: Array, used: NDArray[np.bool_], least: float
+    columns: Sequence[Array], target: Array, used: Bool, least: float
 ) -> tuple[Array, Array]:
     """Regression of a target (n,) on columns (n,) over the used rows, and its deviation.
 
@@ -207,9 +206,9 @@ class Windows:
 
     time: Array
     """(n_sample,) [s]."""
-    edges: NDArray[np.intp]
+    edges: Index
     """(n_window + n_gap + 1,) samples at which windows begin and end."""
-    kept: NDArray[np.bool_]
+    kept: Bool
     """False for a window across a gap."""
 
     def mean(self, signal: Array) -> Array:

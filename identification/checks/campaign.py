@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.checks.balance import Signals, balances_of, has_signal, signals_of
 from identification.checks.consistency import consistency_findings, estimate_of
 from identification.checks.dead import (
@@ -115,7 +115,7 @@ def _limit_of(run: Run) -> CurrentLimit | None:
     return None if limit and any(identity_findings(run, signals_of(run))) else limit
 
 
-def _sizes(run: Run) -> NDArray[np.float64]:
+def _sizes(run: Run) -> Array:
     """(3,) standard deviation of voltage, current and speed [V, A, rad/s]."""
     return np.array([np.std(run.voltage), np.std(run.current), np.std(run.speed)])
 
@@ -130,7 +130,7 @@ def _currents_at_standstill(runs: Sequence[Run]) -> list[float]:
     return [float(ratio) for ratio in np.where(stands, currents / max(least, 1e-300), 0.0)]
 
 
-def _single(run: Run, strongest: NDArray[np.float64], held: float) -> list[Finding]:
+def _single(run: Run, strongest: Array, held: float) -> list[Finding]:
     """Findings of one run: temperature jumps, and the first electrical check that finds a fault.
 
     `held` is the current of a run at standstill over that of a turning run; zero if it turns.

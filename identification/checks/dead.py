@@ -22,10 +22,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.checks.balance import (
     CHANNELS,
     Balance,
@@ -215,7 +214,7 @@ def _inside(signals: Signals, start: int, stop: int) -> tuple[float, float]:
     return min(_inside_of(matrix, signals.voltage, inside) for matrix in matrices)
 
 
-def _inside_of(matrix: Array, voltage: Array, inside: NDArray[np.bool_]) -> tuple[float, float]:
+def _inside_of(matrix: Array, voltage: Array, inside: Bool) -> tuple[float, float]:
     """RMS error inside of a balance fitted outside, over that outside and over the voltage."""
     scale = np.sqrt(np.mean(matrix**2, axis=0))
     matrix = matrix / np.where(scale > 0.0, scale, 1.0)

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.checks.consistency import Estimate
 from identification.checks.finding import Finding, left_out, other_unit, suspicious_unit
 from identification.ingest.run import Run
@@ -115,7 +115,7 @@ def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
     )
 
 
-def _temperature(e: Estimate) -> NDArray[np.float64]:
+def _temperature(e: Estimate) -> Array:
     """(n_sample,) logged temperature [degC]; a single zero without a log."""
     return np.zeros(1) if e.run.temperature is None else e.run.temperature
 

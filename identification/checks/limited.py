@@ -23,9 +23,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.checks.balance import Signals, predicted, signals_of
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
@@ -72,7 +71,7 @@ class CurrentLimit:
     excess: float
     """Predicted excess over the level, in deviations of the regression: its median, or its lower
     quartile where the motor coasts."""
-    limited: NDArray[np.bool_]
+    limited: Bool
     """(n_sample,) True at these samples."""
 
 
@@ -203,12 +202,12 @@ def _level(signal: Array, noise: float) -> float:
     return float(np.median(middle[high & (np.abs(middle - top) <= _NEAR * noise)]))
 
 
-def _around(near: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _around(near: Bool) -> Bool:
     """(n_sample - 1,) True for the intervals that begin or end at marked samples."""
     return np.asarray(near[1:] | near[:-1])
 
 
-def _missing(signals: Signals, used: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _missing(signals: Signals, used: Bool) -> tuple[Array, Array]:
     """(n_sample - 1,) predicted minus measured current, and its standard deviation [A]."""
     v, i, w = signals.voltage, signals.current, signals.speed
     largest = float(np.abs(i).max())

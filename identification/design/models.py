@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.errors import InputError, OptionError
 from identification.linear import root
 from identification.model.composite import MotorModel
@@ -61,7 +60,7 @@ class DesignModel:
     model: MotorModel
     estimate: Array
     """(n_parameter,) physical values."""
-    logarithmic: NDArray[np.bool_]
+    logarithmic: Bool
     """(n_parameter,) whether the coordinate is the logarithm."""
     scale: Array
     """(n_parameter,) one unit of a linear coordinate."""

@@ -15,9 +15,8 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Index
 from identification.linear import solution
 
 __all__ = ["maximise"]
@@ -91,7 +90,7 @@ def maximise(
     return point, value
 
 
-def _free(point: Array, gradient: Array, bounds: tuple[Array, Array]) -> NDArray[np.intp]:
+def _free(point: Array, gradient: Array, bounds: tuple[Array, Array]) -> Index:
     """Indices of the coordinates that the gradient does not push against a bound."""
     lower, upper = bounds
     held = ((point <= lower) & (gradient <= 0)) | ((point >= upper) & (gradient >= 0))

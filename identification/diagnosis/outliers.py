@@ -26,9 +26,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.diagnosis.deviation import Deviation, Piece
 from identification.diagnosis.filtering import Likelihood
 from identification.diagnosis.smoothing import auxiliary_residuals
@@ -170,19 +169,19 @@ def _of_timing(files: str, column: str, largest: str) -> ResultWarning:
     return ResultWarning("voltage_step_timing", "warning", message, fix)
 
 
-def _is_step(voltage: Array) -> NDArray[np.bool_]:
+def _is_step(voltage: Array) -> Bool:
     """Samples whose voltage differs from the one before by a tenth of its range."""
     change = np.abs(np.diff(voltage, prepend=voltage[:1]))
     return np.asarray(change > _STEP * float(np.ptp(voltage)))
 
 
-def _coincide(outlying: NDArray[np.bool_], steps: NDArray[np.bool_]) -> bool:
+def _coincide(outlying: Bool, steps: Bool) -> bool:
     """True if all outliers are at steps of the voltage, more often than by chance."""
     count, share = int(np.count_nonzero(outlying)), float(np.mean(steps))
     return bool(steps[outlying].all()) and share**count < _LEVEL
 
 
-def _is_isolated(residual: Array, limit: float) -> NDArray[np.bool_]:
+def _is_isolated(residual: Array, limit: float) -> Bool:
     """Samples beyond a limit whose neighbours deviate by less than half as much."""
     size = np.abs(residual)
     padded = np.pad(size, 1)

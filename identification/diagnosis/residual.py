@@ -21,10 +21,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft, special
 
-from identification.arrays import Array
+from identification.arrays import Array, Index
 from identification.fit.autoregression import autoregression, spectrum
 
 __all__ = [
@@ -45,7 +44,7 @@ LEVEL = 0.99
 class Correlation:
     """Correlation function with its confidence band under the null hypothesis."""
 
-    lags: NDArray[np.int_]
+    lags: Index
     """(n_lag,) [samples]."""
     values: Array
     """(n_lag,) correlation [-]."""
@@ -221,7 +220,7 @@ def lagged_products(run: Array, signal: Array, max_lag: int) -> Array:
 
 
 def _correlation(
-    lags: NDArray[np.int_], products: Array, variance: Array, scale: float, level: float
+    lags: Index, products: Array, variance: Array, scale: float, level: float
 ) -> Correlation:
     if scale <= 0.0:
         return Correlation(lags, np.zeros(lags.size), np.zeros(lags.size), level)

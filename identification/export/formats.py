@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from identification.arrays import Array
 from identification.errors import OptionError
 from identification.export.c_code import c_code
 from identification.export.fmu import fmu
@@ -23,7 +21,7 @@ from identification.speed_loop.spread import checked_temperatures
 
 __all__ = ["Export", "ExportFormat", "FORMATS", "csv_table", "export"]
 
-Draws = Mapping[str, NDArray[np.float64]]
+Draws = Mapping[str, Array]
 _COLUMNS: Final = (
     "group", "name", "temperature_degC", "controller", "mean", "sd", "q05", "median", "q95", "unit",
     "identified",

@@ -10,14 +10,12 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Index
 from identification.model.scan import LANES, Scan
 
 __all__ = ["BLOCK", "blocks", "sampled", "single", "stretch"]
 
-Index = NDArray[np.intp]
 
 BLOCK: Final = 65_536
 """Rows of a block, over all records; derivatives of as many take tens of megabytes."""

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.arrays import Array
 from identification.model.composite import CHANNELS, INPUTS, MotorModel
 from identification.model.term import AbstractDelay, Expression
 
@@ -31,7 +31,7 @@ def history_size(model: MotorModel) -> int:
     return _MEAN * len(model.averaged) + delays
 
 
-def initial_history(model: MotorModel, logged: NDArray[np.float64]) -> NDArray[np.float64]:
+def initial_history(model: MotorModel, logged: Array) -> Array:
     """History (n_history,) before the first sample, as if the channels had been constant.
 
     `logged` (2,) is current and speed at the first sample [A, rad/s].

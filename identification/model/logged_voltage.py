@@ -17,10 +17,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.model.quantisation import stays, step_of
 
 __all__ = ["smooth_voltage", "voltage_step"]
@@ -92,7 +91,7 @@ def smooth_voltage(logged: Array) -> tuple[Array, Array]:
     return smooth, _whittaker(error, stiffness * kept)
 
 
-def _smoothed(logged: Array, kept: NDArray[np.bool_], step: float) -> tuple[Array, float, float]:
+def _smoothed(logged: Array, kept: Bool, step: float) -> tuple[Array, float, float]:
     """Smoothed series, its penalty, and the size of the noise [V].
 
     The second differences with `kept` (n_sample - 2,) are penalised.
@@ -108,7 +107,7 @@ def _smoothed(logged: Array, kept: NDArray[np.bool_], step: float) -> tuple[Arra
     return best, chosen, rounding
 
 
-def _cross_validated(logged: Array, kept: NDArray[np.bool_]) -> tuple[Array, float, float]:
+def _cross_validated(logged: Array, kept: Bool) -> tuple[Array, float, float]:
     """Smoothed series, the penalty of generalised cross-validation, and the size of the noise [V].
 
     The second differences with `kept` (n_sample - 2,) are penalised.
@@ -131,7 +130,7 @@ def _cross_validated(logged: Array, kept: NDArray[np.bool_]) -> tuple[Array, flo
     return best, chosen, noise
 
 
-def _outlying(removed: Array, step: float) -> NDArray[np.bool_]:
+def _outlying(removed: Array, step: float) -> Bool:
     """Samples whose removed part is no noise: the voltage varies too fast there to be smoothed."""
     size = np.abs(removed)
     if step:

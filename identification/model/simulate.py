@@ -20,9 +20,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Index
 from identification.model.blocks import sampled, stretch
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record, squares_of
@@ -89,11 +88,11 @@ class Simulator:
         return [divided(inputs, substeps, self.model.held) for inputs, substeps in pairs]
 
     @cached_property
-    def first_rows(self) -> list[NDArray[np.intp]] | None:
+    def first_rows(self) -> list[Index] | None:
         """Row index of each sample, for each record; None if every row is a sample."""
         return None if self.substeps is None else [each.first_rows for each in self.substeps]
 
-    def stretch(self, k: int, samples: slice) -> tuple[Array, NDArray[np.intp] | None]:
+    def stretch(self, k: int, samples: slice) -> tuple[Array, Index | None]:
         """Inputs of a range of samples of record `k`; see `blocks.stretch`."""
         at = None if self.first_rows is None else self.first_rows[k]
         return stretch(self.inputs[k], at, samples)

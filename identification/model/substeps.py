@@ -24,7 +24,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Index
 from identification.model.blocks import blocks
 from identification.model.composite import INPUTS, Hold, MotorModel
 from identification.model.scan import Scan, scan_of
@@ -60,7 +60,7 @@ class Substeps:
         return self.shares.size
 
     @cached_property
-    def first_rows(self) -> NDArray[np.intp]:
+    def first_rows(self) -> Index:
         """(n_sample,) row of the divided inputs at which each interval begins."""
         return np.concatenate([[0], np.cumsum(self.counts)[:-1]])
 

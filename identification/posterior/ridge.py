@@ -21,11 +21,10 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import null_space
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.fit.normal_equations import NormalEquations, normal_equations
 from identification.fit.solve import Fit
 from identification.linear import eigh, least_squares, solution
@@ -145,7 +144,7 @@ class _Direction:
     """(n_parameter,) step over which the log density falls by about one half."""
     functional: Array
     """(n_parameter,) linear functional l that gives the position; l . tangent = 1."""
-    free: NDArray[np.bool_]
+    free: Bool
     """(n_parameter,) whether a parameter moves; the others stay at their bounds."""
 
 
@@ -282,14 +281,12 @@ def _constrained_optimum(
     return None
 
 
-def _is_inside(fit: Fit, position: Array, free: NDArray[np.bool_]) -> bool:
+def _is_inside(fit: Fit, position: Array, free: Bool) -> bool:
     lower, upper = fit.coordinates.lower, fit.coordinates.upper
     return bool(np.all(((position > lower) & (position < upper))[free]))
 
 
-def _step(
-    equations: NormalEquations, functional: Array, short: float, free: NDArray[np.bool_]
-) -> Array:
+def _step(equations: NormalEquations, functional: Array, short: float, free: Bool) -> Array:
     """Gauss-Newton step of the free parameters to the best point, `short` along the ridge."""
     matrix, gradient = equations.matrix[np.ix_(free, free)], equations.gradient[free]
     functional = functional[free]

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.ingest.run import Run
 
 __all__ = ["Excitation", "excitation_of", "joined"]
@@ -62,7 +61,7 @@ def excitation_of(run: Run, fastest: float) -> Excitation:
     speed = run.speed[:-1]
     limit = _STANDSTILL * fastest
 
-    def fraction(chosen: NDArray[np.bool_]) -> float:
+    def fraction(chosen: Bool) -> float:
         return float(weights[chosen].sum()) / total if total > 0.0 else 0.0
 
     return Excitation(

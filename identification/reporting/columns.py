@@ -20,14 +20,13 @@ from typing import Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool, Index
 from identification.result.numbers import count_text
 from identification.result.report_data import RunTraces
 from identification.result.residuals import gaps
 
 __all__ = ["Column", "StoredRun", "encoded", "extremes", "stored_runs"]
 
-Indices = NDArray[np.int_]
 
 _RESERVED: Final = 12_000
 """Part of the budget that each further run keeps [bytes]."""
@@ -132,7 +131,7 @@ def _channels(run: RunTraces) -> dict[str, Array]:
     return {name: one for name, one in vars(run).items() if isinstance(one, np.ndarray)}
 
 
-def _stored(run: RunTraces, noise: Mapping[str, float | None], kept: Indices) -> dict[str, Column]:
+def _stored(run: RunTraces, noise: Mapping[str, float | None], kept: Index) -> dict[str, Column]:
     """The encoded columns of some samples, with a row of NaN in the middle of each gap."""
     time = run.time[kept]
     # A gap between the samples, not between the extremes that were kept.
@@ -221,14 +220,14 @@ def _differences(words: NDArray[np.int64], order: int) -> NDArray[np.int64]:
     return words
 
 
-def _stretches(mask: NDArray[np.bool_]) -> list[int]:
+def _stretches(mask: Bool) -> list[int]:
     """First index and length of each stretch of true values, in turn."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
     firsts, ends = edges[::2], edges[1::2]
     return [int(value) for value in np.column_stack([firsts, ends - firsts]).ravel()]
 
 
-def extremes(channels: Sequence[Array], buckets: int) -> Indices:
+def extremes(channels: Sequence[Array], buckets: int) -> Index:
     """Increasing indices of extremes of every channel in every bucket, and of both ends.
 
     The channels (n_sample,) share a time axis.  A short record keeps all samples.

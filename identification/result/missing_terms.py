@@ -18,9 +18,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Index
 from identification.diagnosis.localise import Missing
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
@@ -199,7 +198,7 @@ def _together(terms: Sequence[AbstractTerm], column: int, found: PathSamples) ->
     return np.asarray(np.sum([found.effects[term.name][:, :, column] for term in terms], axis=0))
 
 
-def _telling(effect: Array, size: int) -> NDArray[np.int_]:
+def _telling(effect: Array, size: int) -> Index:
     """Sample indices to plot: the whole record, or a section that resolves single oscillations.
 
     The effect is (n_point,) at points spread over the record, `size` its number of samples.

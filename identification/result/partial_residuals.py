@@ -23,9 +23,8 @@ from typing import Final
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Index
 from identification.diagnosis.localise import Localisation
 from identification.fit.solve import Fit
 from identification.linear import least_squares
@@ -49,7 +48,7 @@ _STEPS_KEPT: Final = ("L", "J")
 class PathSamples:
     """Samples of training records along the simulation of the final model."""
 
-    record: NDArray[np.int_]
+    record: Index
     """(n_sample,) index of the record."""
     time: Array
     """(n_sample,) time in its run [s]."""
@@ -113,11 +112,11 @@ class FinalPath:
             missing_sd=np.concatenate([p.missing_sd for p in pieces]),
         )
 
-    def within(self, number: int, rows: NDArray[np.int_]) -> PathSamples:
+    def within(self, number: int, rows: Index) -> PathSamples:
         """Samples (n_sample,) of one record, without its last."""
         return self._own(self._traced(number, rows))
 
-    def _traced(self, number: int, rows: NDArray[np.int_]) -> PathSamples:
+    def _traced(self, number: int, rows: Index) -> PathSamples:
         """Samples of one record with the missing terms as smoothed."""
         values, model = self.values, self.final.simulator.model
         record = self.final.simulator.records[number]
@@ -152,7 +151,7 @@ class FinalPath:
             missing_sd=missing_sd,
         )
 
-    def _smoothed(self, record: Record, number: int, rows: NDArray[np.int_]) -> tuple[Array, Array]:
+    def _smoothed(self, record: Record, number: int, rows: Index) -> tuple[Array, Array]:
         """(n_sample, 2) smoothed missing voltage and torque, and their standard deviations."""
         # The localisation lists one entry for each record, in their order.
         found = self.localisation.missing[number:][:1] if self.localisation else ()

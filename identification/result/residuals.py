@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import bdtrc
 
-from identification.arrays import Array
+from identification.arrays import Array, Index
 from identification.diagnosis.residual import (
     Correlation,
     Errors,
@@ -95,7 +94,7 @@ def channel_errors(run: RunTraces, channel: str) -> Errors | None:
     return pooled_errors([residual[used]], [measured[used]]) if used.any() else None
 
 
-def gaps(time: Array) -> NDArray[np.int_]:
+def gaps(time: Array) -> Index:
     """Indices (n_gap,) of the samples before a gap, where a line must break.
 
     A gap is longer than four median intervals of the time (n_sample,).

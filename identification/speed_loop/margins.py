@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Complex
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.roots import monic_roots
 
@@ -90,7 +89,7 @@ def bandwidth(loop: Loop) -> Array:
     return np.where(has_value, np.nanmin(_positive(closed), axis=1, initial=np.inf), np.nan)
 
 
-def _open_loop(loop: Loop, frequency: Array) -> NDArray[np.complex128]:
+def _open_loop(loop: Loop, frequency: Array) -> Complex:
     """L(j omega) of each loop at its own frequencies, (n_loop, n_frequency) [rad/s]."""
     s = 1j * frequency
     value = [np.zeros_like(s), np.zeros_like(s)]

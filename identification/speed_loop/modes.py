@@ -34,16 +34,12 @@ from math import factorial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool, Complex, Index
 from identification.speed_loop.roots import root
 
 __all__ = ["Modes", "bound_at", "time_below"]
 
-Bool = NDArray[np.bool_]
-Complex = NDArray[np.complex128]
-Index = NDArray[np.intp]
 
 # Relative distance of poles above which partial fractions lose no more than two digits.
 _APART: Final = 0.1

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.term import AbstractTerm
@@ -59,7 +59,7 @@ class SimulatedLoop:
     speed: Array
     """(n_time, n_draw) divided by the step [-]."""
     metrics: StepMetrics
-    settled: NDArray[np.bool_]
+    settled: Bool
     """(n_draw,) whether the speed settled at its final value."""
 
 
@@ -226,7 +226,7 @@ def with_some_inductance(draws: dict[str, Array]) -> dict[str, Array]:
     return draws | {"L": np.maximum(draws["L"], least)}
 
 
-def _settled(run: LoopRun, step: float) -> NDArray[np.bool_]:
+def _settled(run: LoopRun, step: float) -> Bool:
     return np.asarray(np.isfinite(run.speed).all(axis=0) & is_at_rest(run.speed / step))
 
 

@@ -23,14 +23,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Complex, Index
 from identification.linear import eigenvalues
 
 __all__ = ["monic_roots", "root"]
 
-Complex = NDArray[np.complex128]
 Extended = NDArray[np.clongdouble]
-Index = NDArray[np.intp]
 
 _STEPS: Final = 3
 _EPS, _TINY = float(np.finfo(np.float64).eps), float(np.finfo(np.float64).tiny)

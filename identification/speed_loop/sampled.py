@@ -14,15 +14,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool, Index
 from identification.speed_loop.metrics import BAND, RISE, StepMetrics
 
 __all__ = ["is_at_rest", "sampled_metrics"]
 
-Bool = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 _LAST: Final = 0.1
 _LEAST_FINAL: Final = 0.01

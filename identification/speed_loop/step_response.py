@@ -30,9 +30,8 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool, Index
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.metrics import BAND, RISE, StepMetrics
 from identification.speed_loop.modes import Modes, bound_at, time_below
@@ -40,8 +39,6 @@ from identification.speed_loop.roots import monic_roots, root
 
 __all__ = ["StepResponse", "step_metrics"]
 
-Bool = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 # A smaller relative excess over the final value is rounding, not overshoot.
 _LEAST_OVERSHOOT: Final = 1e-9

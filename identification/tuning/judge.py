@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.errors import OptionError
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.margins import delayed_margins
@@ -40,7 +39,7 @@ class Judgement:
     """For each name of `METRICS` (n_controller, n_temperature, n_draw)."""
     slack: dict[str, Array]
     """For each required metric its distance from the limit, of the same shape [-]."""
-    limited: NDArray[np.bool_]
+    limited: Bool
     """Whether voltage or current reach their limit, of the same shape."""
     peak_current: Array
     """Largest current, of the same shape [A]."""

@@ -16,7 +16,9 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from markupsafe import Markup, escape
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from identification.arrays import Array
 
 __all__ = ["Band", "Line", "chart", "script_json"]
 
@@ -108,7 +110,7 @@ def script_json(content: object) -> Markup:
 
 def _numbers(values: ArrayLike) -> list[float | None]:
     """Values to 1/10,000 of their range, None where not finite or too large to plot."""
-    array: NDArray[np.float64] = np.asarray(values, dtype=np.float64)
+    array: Array = np.asarray(values, dtype=np.float64)
     shown = np.abs(array) < _LARGEST
     span = float(np.ptp(array[shown])) if shown.any() else 0.0
     decimals = 4 - math.floor(math.log10(span)) if 1e-15 < span < 1e15 else None
