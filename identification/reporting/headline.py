@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from identification.reporting.loops import cold_and_hot, is_left_open, pair_text
 from identification.reporting.summary import (
@@ -15,7 +14,7 @@ from identification.reporting.summary import (
     is_incomplete,
     verdict_words,
 )
-from identification.result.entries import NEAR_NOISE, known_only_from
+from identification.result.entries import NEAR_NOISE, Entry, known_only_from
 from identification.result.numbers import (
     count_text,
     entry_text,
@@ -30,8 +29,6 @@ from identification.result.numbers import (
 from identification.result.report_data import CandidateRow, ReportData
 
 __all__ = ["KeyFigure", "effect_tiles", "error_bars", "facts", "headline_sentences", "key_figures"]
-
-Entry = Mapping[str, Any]
 
 
 @dataclass(frozen=True)

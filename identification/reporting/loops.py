@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
+from identification.result.entries import Entry
 from identification.result.numbers import (
     UNKNOWN,
     Interval,
@@ -28,7 +29,6 @@ __all__ = [
     "pair_text",
 ]
 
-Entry = Mapping[str, Any]
 MetricRow = tuple[str, str, tuple[Interval, ...]]
 """Label, unit and cells of one metric."""
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from identification.reporting.loops import loop_sentence
-from identification.result.entries import NEAR_NOISE, known_only_from
+from identification.result.entries import NEAR_NOISE, Entry, known_only_from
 from identification.result.numbers import (
     count_text,
     listed,
@@ -25,8 +24,6 @@ __all__ = [
     "summary_sentences",
     "verdict_words",
 ]
-
-Entry = Mapping[str, Any]
 
 DOWN_TO_NOISE = 1.02
 _NAMED = 2

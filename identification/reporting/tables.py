@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from identification.quantities import DECLARED_PARAMETERS
 from identification.reporting.loops import METRICS, MetricRow, metric_row
-from identification.result.entries import known_only_from
+from identification.result.entries import Entry, known_only_from
 from identification.result.numbers import (
     UNKNOWN,
     Interval,
@@ -37,8 +36,6 @@ __all__ = [
     "run_rows",
     "sampler_rows",
 ]
-
-Entry = Mapping[str, Any]
 
 _SOURCES = {
     "Ra25": "eq. 11",

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
+from identification.result.entries import Entry
 from identification.result.numbers import with_symbols
 
 __all__ = ["WarningItem", "Warnings", "warning_groups"]
-
-Entry = Mapping[str, Any]
 
 _TITLES: Final = {
     "critical": "Do not rely on this result",

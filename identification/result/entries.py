@@ -23,6 +23,7 @@ from identification.nameplate import NAMEPLATE
 from identification.result.atomic import write_text
 
 __all__ = [
+    "Entry",
     "INTERVAL_KIND",
     "INTERVAL_LEVEL",
     "NEAR_NOISE",
@@ -36,6 +37,8 @@ __all__ = [
     "write_result",
 ]
 
+Entry = Mapping[str, Any]
+"""An object of result.json."""
 SCHEMA_VERSION: Final = 1
 INTERVAL_KIND: Final = "equal-tailed"
 INTERVAL_LEVEL: Final = 0.90

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import pandas as pd
 
 from identification.errors import InputError, OptionError
 from identification.ingest.display import plain
+from identification.result.entries import Entry
 from identification.speed_loop import METRIC_UNITS
 
 __all__ = ["TableName", "as_written", "feedback_table", "result_table"]
 
-Entry = Mapping[str, Any]
 _SPREAD: Final = ("median", "q05", "q95", "mean", "sd", "unit")
 
 TableName = Literal["parameters", "declared", "effects", "errors", "feedback", "warnings"]
