@@ -106,6 +106,15 @@ class Coordinates:
         inner = np.where(inner > upper, 2 * upper - inner, inner)
         return np.clip(inner, lower, upper)
 
+    def moved(self, coordinates: Array, changes: Array) -> Array:
+        """Coordinates (n_parameter, ...) after changes that are linear in the physical values.
+
+        A change of a logarithm is one relative to the value, reflected at zero.
+        """
+        ratio = np.maximum(np.abs(1.0 + changes), np.finfo(np.float64).tiny)
+        log = self._shaped(self._log, coordinates)
+        return coordinates + np.where(log, np.log(ratio), changes)
+
     def slopes(self, coordinates: Array) -> Array:
         """Derivative of each physical value with respect to its coordinate, (n_parameter,)."""
         return np.where(self._log, np.exp(np.where(self._log, coordinates, 0.0)), self._scale)

@@ -5,7 +5,8 @@ it fails the acceptance criteria because its law is not that of the motor.  The 
 and biases the parameters, although its law is unknown.  The screening gives this bias to first
 order: the change of every parameter at the best amplitude of the term.  Each of these changes,
 times a standard normal number, is added to the draws of the posterior, so that the intervals cover
-the bias.
+the bias.  The change is bounded by the joint prior of the term and of all parameters (decision
+0020).
 
 If no term has a predicted gain above chance, nothing is added.
 
@@ -59,6 +60,9 @@ class OmittedTerm:
     time: float | None = None
     """Time constant of the term at another optimum [s]; the draws lie between the fit and that
     optimum.  None for a first-order change."""
+    is_linear: bool = False
+    """Whether the change is proportional to the amplitude of the term in the physical values; else
+    in the search coordinates, as a scaling of all parameters or the way to another optimum."""
 
 
 def optimum_shifts(fit: Fit, changes: Sequence[Array]) -> list[Array]:
@@ -101,10 +105,27 @@ def omitted_terms(
             continue
         position = np.reshape(score.along.position, -1)
         if np.isfinite(position).all():
-            steps = dict(zip(fit.coordinates.names, map(float, position), strict=True))
+            step = position / np.sqrt(1.0 + _distance(fit, score, position))
+            steps = dict(zip(fit.coordinates.names, map(float, step), strict=True))
             name = score.candidate.term.name
-            found[name] = OmittedTerm(name, float(gain), float(chance), steps)
+            found[name] = OmittedTerm(name, float(gain), float(chance), steps, is_linear=True)
     return tuple(found.values())
+
+
+def _distance(fit: Fit, score: Score, position: Array) -> float:
+    """Squared Mahalanobis distance of an omitted term at its best amplitude from the priors.
+
+    The amplitude, as a multiple of the best one, is normal with a standard deviation of 1.  The
+    priors of its physical size and of the parameters, which change in proportion to it, are further
+    observations of it: their precisions add to 1.
+    """
+    parameters = score.candidate.final.parameters
+    sizes = [
+        value / (one.scale * one.prior_sd)
+        for one, value in zip(parameters, score.start, strict=True)
+        if one.vanishes
+    ]
+    return float(np.sum((position / fit.coordinates.prior_sd) ** 2) + np.sum(np.square(sizes)))
 
 
 def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
@@ -182,7 +203,12 @@ def with_omitted_drawn(
     # Rounding can put a draw slightly below a bound of 0, where it has no logarithm.
     lowest = fit.coordinates.lower.reshape(-1, *[1] * len(shape))
     position = np.where(np.isnan(position) | np.isneginf(position), lowest, position)
-    position = position + np.tensordot(_steps(fit, omitted), amplitudes, axes=1)
+    steps, is_linear = _steps(fit, omitted), np.array([term.is_linear for term in omitted])
+    moves, linear = (
+        np.tensordot(steps[:, chosen], amplitudes[chosen], axes=1)
+        for chosen in (~is_linear, is_linear)
+    )
+    position = fit.coordinates.moved(position + moves, linear)
     values = fit.coordinates.values(fit.coordinates.mirrored(position))
     return draws | dict(zip(names, values, strict=True))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -25,6 +27,7 @@ from identification.selection.omitted import (
     with_omitted_drawn,
 )
 from identification.selection.screen import screened
+from identification.selection.start import Along
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 
@@ -159,3 +162,39 @@ def test_no_terms_make_a_parameter_less_certain_than_its_prior(clean: Fit) -> No
     wide = np.log(with_omitted_drawn(draws, clean, far, seed=1)["L"] / clean.values[row])
     # The lower bound of L mirrors a part of the draws.
     assert 0.5 * prior < np.std(wide) < 1.05 * prior
+
+
+def test_a_step_beyond_the_priors_is_reduced_for_all_parameters_together(
+    rubbing: tuple[Fit, dict[str, float]],
+) -> None:
+    """Joint prior: the squares of all steps over their prior deviations sum to less than one.
+
+    A thousandfold change per amplitude is no change of a linear model; its direction remains.
+    """
+    fit, _ = rubbing
+    (score, *_) = screened(fit, CoulombFriction.candidates(scales_of(fit)))
+    assert score.along is not None
+    far = replace(score, along=Along(1e3 * score.along.position, score.along.states))
+
+    (near,), (term,) = (omitted_terms(fit, 1.0, [one], 1) for one in (score, far))
+
+    steps = [np.array([one.steps[name] for name in fit.coordinates.names]) for one in (near, term)]
+    assert np.sum((steps[1] / fit.coordinates.prior_sd) ** 2) < 1.0
+    np.testing.assert_allclose(
+        steps[1] / np.linalg.norm(steps[1]), steps[0] / np.linalg.norm(steps[0])
+    )
+    np.testing.assert_allclose(steps[0], np.ravel(score.along.position), rtol=0.05)
+
+
+def test_a_linear_change_of_a_positive_parameter_is_no_exponential(clean: Fit) -> None:
+    """L (1 + 2 z) at z = 3 is seven times L; the exponential of 6 is 400."""
+    term = OmittedTerm("channel_delay", 20.0, 5.0, {"L": 2.0}, is_linear=True)
+    draws = {
+        name: np.full(4000, at)
+        for name, at in zip(clean.coordinates.names, clean.values, strict=True)
+    }
+
+    wide = with_omitted_drawn(draws, clean, [term], seed=1)["L"] / draws["L"]
+
+    assert wide.min() > 0.0
+    assert np.quantile(wide, 0.9987) == pytest.approx(7.0, rel=0.15)
