@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     validation = [run_of(run, f"left_{k}.csv") for k, run in enumerate(measured.validation, 1)]
     began = time.perf_counter()
     chosen = FitOptions(posterior=not options.no_posterior)
-    outcome = identify(training, validation, chosen).findings.outcome
+    outcome = identify(training, validation, chosen).findings.analysis.outcome
     seconds = time.perf_counter() - began
     named = [found.name for found in outcome.effects] if outcome else []
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2

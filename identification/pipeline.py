@@ -42,6 +42,7 @@ from identification.posterior.draws import final_draws, nominal_draws
 from identification.reporting.files import write_chain, write_outputs
 from identification.result.content import assemble
 from identification.result.findings import Findings
+from identification.result.residual_analysis import ResidualAnalysis
 from identification.selection.confounded import confounded_terms, unresolved_transients
 from identification.selection.curve_detail import curve_details
 from identification.selection.long import search_long
@@ -205,7 +206,13 @@ def _identified(
     opened = with_linear_parts(closed)
     final = closed if opened is closed else with_noise_model(opened)
     fraction = effective_fraction(closed)
-    omitted = _omitted(closed, fraction, declared, outcome, gains)
+    changed = outcome is not None and bool(outcome.effects)
+    left = localise(final) if found and changed else found
+    analysis = ResidualAnalysis(campaign, declared, final, outcome, left)
+    omitted = (
+        *_omitted(closed, fraction, declared, outcome, gains),
+        *(analysis.judged.doubtful if analysis.judged else ()),
+    )
     last = "posterior" if options.posterior else "intervals"
     tell(last, 0.55)
     runs = (*admission.training, *admission.validation)
@@ -219,28 +226,22 @@ def _identified(
     )
     tell("feedback", 0.85)
     loops = options.temperatures, options.controllers
-    changed = outcome is not None and bool(outcome.effects)
     declared_draws = nominal_draws(declared, options.seed) if changed else draws
-    left = localise(final) if found and changed else found
     tell("report", 0.9)
     findings = Findings(
-        campaign=campaign,
+        analysis=analysis,
         admission=admission,
         options=options,
-        declared=declared,
         declared_draws=declared_draws,
-        final=final,
         fraction=fraction,
         draws=draws,
         sample=chain,
         feedback=feedback_metrics(draws, *loops),
-        outcome=outcome,
         omitted=omitted,
         feedback_before=feedback_metrics(declared_draws, *loops) if changed else [],
         suited=suited_controller(draws, campaign.sample_interval),
         loops=tuple(simulated_loops(final, draws, *loops)),
         localisation=found,
-        left=left,
         interrupted=was_interrupted(),
         contradicted=contradicted,
     )

@@ -20,11 +20,11 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from app.commands.exits import raise_missed
+from identification.result.effect_texts import effect_probability
 from identification.result.numbers import (
     UNKNOWN,
     Interval,
     entry_text,
-    probability_text,
     unit_prefix,
     unit_text,
 )
@@ -129,7 +129,7 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
         console.print(sentence)
     console.print(_parameters(result))
     for effect in result.get("effects") or ():
-        chance = probability_text(effect["probability"])
+        chance = effect_probability(effect)
         console.print(f"{effect['name']} ({effect['equation']}), probability {chance}")
     console.print(_errors(result))
     print_feedback(result["feedback"])

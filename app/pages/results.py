@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from identification.result.attempts import Attempts, figure
+from identification.result.effect_texts import alternative_texts, effect_probability
 from identification.result.numbers import (
     UNKNOWN,
     entry_text,
     number_text,
-    probability_text,
     signed_percent_text,
     unit_prefix,
     unit_text,
@@ -56,11 +56,8 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
                 "variant": effect.get("variant") or "",
                 "equation": effect["equation"],
                 "drivers": ", ".join(effect["drivers"]) or "none (constant)",
-                "probability": probability_text(effect["probability"]),
-                "alternatives": [
-                    f"{_words(other['name'])} {probability_text(other['probability'])}"
-                    for other in effect.get("alternatives") or ()
-                ],
+                "probability": effect_probability(effect),
+                "alternatives": alternative_texts(effect),
             }
             for effect in result.get("effects") or ()
         ],
@@ -163,13 +160,11 @@ def _entries(result: Result) -> dict[str, Result]:
 
 def _effects(first: Result, second: Result) -> list[dict[str, Any]]:
     """Probability of each effect in both fits; a dash where a fit does not have it."""
-    found = [{e["name"]: e["probability"] for e in one["effects"]} for one in (first, second)]
+    found = [{e["name"]: effect_probability(e) for e in one["effects"]} for one in (first, second)]
     return [
         {
             "name": _words(name),
-            "probabilities": [
-                probability_text(one[name]) if name in one else UNKNOWN for one in found
-            ],
+            "probabilities": [one.get(name, UNKNOWN) for one in found],
         }
         for name in dict.fromkeys([*found[0], *found[1]])
     ]

@@ -91,7 +91,7 @@ def identified(number: int, settings: Settings) -> dict[str, Any]:
         line["failed"] = _located(error)
     else:
         line |= _compared(number, measured, found.result, settings.withheld)
-        outcome = found.findings.outcome
+        outcome = found.findings.analysis.outcome
         line["complete"] = outcome is not None and outcome.complete
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB
     seconds = time.perf_counter() - began

@@ -59,13 +59,14 @@ def measured(item: Item) -> dict[str, Any]:
         return line | {"refused": f"{type(error).__name__}: {error}"}
     seconds = round(time.perf_counter() - began, 1)
     truth = {name: float(campaign.truth["parameters"][name]) for name in DECLARED_PARAMETERS}
+    outcome = found.findings.analysis.outcome
     claims = [list(claim) for claim in _claims(item, found.result)]
     return line | {
         "seconds": seconds,
         "source": found.findings.sample.source if found.findings.sample else "fit",
         "named": [effect["name"] for effect in found.result["effects"]],
         "claims": claims,
-        "complete": found.findings.outcome is None or found.findings.outcome.complete,
+        "complete": outcome is None or outcome.complete,
         "omitted": [term.name for term in found.findings.omitted],
         "ratios": [
             None if entry["noise_ratio"] is None else round(entry["noise_ratio"], 4)

@@ -50,7 +50,7 @@ def main() -> None:
             FitOptions(posterior=not chosen.no_posterior),
             progress,
         )
-    outcome, draws = found.findings.outcome, found.draws()
+    outcome, draws = found.findings.analysis.outcome, found.draws()
     values = np.array([[np.mean(draws[n]), np.std(draws[n])] for n in PARAMETERS])
     sample = found.findings.sample
     line = {

@@ -14,6 +14,13 @@ from identification.reporting.summary import (
     is_incomplete,
     verdict_words,
 )
+from identification.result.effect_texts import (
+    alternative_texts,
+    effect_probability,
+    has_no_probability,
+    is_surrogate,
+    unexplained_words,
+)
 from identification.result.entries import NEAR_NOISE, Entry, known_only_from
 from identification.result.numbers import (
     count_text,
@@ -21,7 +28,6 @@ from identification.result.numbers import (
     listed,
     number_text,
     percent_text,
-    probability_text,
     signed_percent_text,
     unit_prefix,
     unit_text,
@@ -90,17 +96,33 @@ def headline_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]
 
 
 def _effects_sentence(result: Entry) -> str:
-    effects = [
-        f"{effect['name'].replace('_', ' ')} "
-        f"(probability {probability_text(effect['probability'])})"
-        for effect in result["effects"]
-    ]
-    if effects:
-        noun = "an effect" if len(effects) == 1 else f"{len(effects)} effects"
-        return f"The motor has {noun} beyond the nominal model: {listed(effects)}."
-    if (result.get("options") or {}).get("effects") is False:
-        return "No effects were searched: the nominal model is final."
-    return "No effect beyond the nominal model was found."
+    effects: Sequence[Entry] = result["effects"]
+    if any(has_no_probability(effect) for effect in effects):
+        names = listed([effect["name"].replace("_", " ") for effect in effects])
+        return f"No effect is certain: the fit added {names}, but {unexplained_words(result)}."
+    surrogates = [effect for effect in effects if is_surrogate(effect)]
+    found = [effect for effect in effects if effect not in surrogates]
+    if found:
+        noun = "an effect" if len(found) == 1 else f"{len(found)} effects"
+        sentence = f"The motor has {noun} beyond the nominal model: {_with_probabilities(found)}."
+    elif surrogates:
+        sentence = "No effect of the catalogue explains what is missing."
+    elif (result.get("options") or {}).get("effects") is False:
+        sentence = "No effects were searched: the nominal model is final."
+    else:
+        sentence = "No effect beyond the nominal model was found."
+    if surrogates:
+        sentence += f" The fit uses {_with_probabilities(surrogates)} as surrogates."
+    return sentence
+
+
+def _with_probabilities(effects: Sequence[Entry]) -> str:
+    return listed(
+        [
+            f"{effect['name'].replace('_', ' ')} (probability {effect_probability(effect)})"
+            for effect in effects
+        ]
+    )
 
 
 def effect_tiles(data: ReportData) -> list[Entry]:
@@ -116,15 +138,10 @@ def effect_tiles(data: ReportData) -> list[Entry]:
         dict(
             name=effect["name"].replace("_", " ").capitalize(),
             place=_place(effect),
-            probability=probability_text(effect["probability"]),
+            probability=effect_probability(effect),
             amount=_amount(effect["parameters"]),
             evidence=_evidence(effect["name"], candidates),
-            alternatives=listed(
-                [
-                    f"{other['name'].replace('_', ' ')} {probability_text(other['probability'])}"
-                    for other in effect["alternatives"]
-                ]
-            ),
+            alternatives=listed(alternative_texts(effect)),
             term=next((term for term in terms if term.effect == effect["name"]), None),
             trace=next((trace for trace in traces if trace.effect == effect["name"]), None),
         )

@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from identification.reporting.loops import loop_sentence
+from identification.result.effect_texts import (
+    alternative_texts,
+    effect_probability,
+    has_no_probability,
+    unexplained_words,
+)
 from identification.result.entries import NEAR_NOISE, Entry, known_only_from
 from identification.result.numbers import (
     count_text,
     listed,
     number_text,
     percent_text,
-    probability_text,
 )
 
 __all__ = [
@@ -103,13 +108,15 @@ def _effects(result: Entry) -> str:
         name = effect["name"].replace("_", " ")
         label = "driver" if len(effect["drivers"]) == 1 else "drivers"
         details = [f"{label}: {listed(effect['drivers'])}"] if effect["drivers"] else []
-        details += [f"probability {probability_text(effect['probability'])}"]
-        details += [
-            f"alternative: {item['name'].replace('_', ' ')} {probability_text(item['probability'])}"
-            for item in effect["alternatives"]
-        ]
+        details += [f"probability {effect_probability(effect)}"]
+        details += [f"alternative: {text}" for text in alternative_texts(effect)]
         parts.append(f"{name} in the {effect['equation']} equation ({', '.join(details)})")
-    return f"The final model extends the nominal model by {listed(parts)}." if parts else ""
+    if not parts:
+        return ""
+    sentence = f"The final model extends the nominal model by {listed(parts)}."
+    if any(has_no_probability(effect) for effect in result["effects"]):
+        sentence += f" No probability applies, because {unexplained_words(result)}."
+    return sentence
 
 
 def _shifted(result: Entry) -> str:
@@ -220,15 +227,14 @@ def identified_sentence(result: Entry) -> str:
             f"The runs do not determine {listed(given)}; the value comes only from the given "
             f"knowledge (known values, nameplate){rest}."
         )
+    is_open = is_incomplete(result) and len(unknown) < len(entries)
+    doubt = "; an interval may not contain the true value" if is_open else ""
     if unknown:
-        return (
-            f"The runs do not determine {listed(unknown)}; treat "
-            f"{'its value' if len(unknown) == 1 else 'their values'} as unknown."
-        )
-    words = f"The runs determine all {len(entries)} parameters"
-    if is_incomplete(result):
-        return f"{words} of this incomplete model; an interval may not contain the true value."
-    return f"{words}."
+        treated = "its value" if len(unknown) == 1 else "their values"
+        sentence = f"The runs do not determine {listed(unknown)}; treat {treated} as unknown."
+        return f"{sentence} The model is incomplete{doubt}." if is_open else sentence
+    which = " of this incomplete model" if is_open else ""
+    return f"The runs determine all {len(entries)} parameters{which}{doubt}."
 
 
 def is_incomplete(result: Entry) -> bool:

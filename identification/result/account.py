@@ -120,7 +120,8 @@ def _found_sentence(found: Found, term: AbstractEffect) -> str:
         )
     if found.others:
         others = ", ".join(
-            f"{name.replace('_', ' ')} ({100 * share:.0f} %)" for name, share in found.others
+            name.replace("_", " ") + (f" ({100 * share:.0f} %)" if found.is_comparable else "")
+            for name, share in found.others
         )
         text += f" Alternatives that the runs do not exclude: {others}."
     return text
@@ -173,7 +174,11 @@ def _off(relative: Mapping[str, Any]) -> str:
 
 def _candidates(outcome: Outcome, terms: Mapping[str, AbstractEffect]) -> list[CandidateRow]:
     """Effects of the final model, then the first trial of each other effect type, best first."""
-    alternatives = dict(other for found in outcome.effects for other in found.others)
+    alternatives = {
+        name: share if found.is_comparable else None
+        for found in outcome.effects
+        for name, share in found.others
+    }
     rows: dict[str, CandidateRow] = {}
     for found in outcome.effects:
         refusal = found.criteria.refusal
@@ -182,7 +187,7 @@ def _candidates(outcome: Outcome, terms: Mapping[str, AbstractEffect]) -> list[C
             reason = f"in the final model, but together with the other effects {refusal}"
         rows[found.name] = CandidateRow(
             found.name, _equation(found.name, terms), *_changes(found.criteria),
-            found.probability, "chosen", reason,
+            found.probability if found.is_comparable else None, "chosen", reason,
         )  # fmt: skip
     for s in outcome.searched:
         if s.name not in rows:

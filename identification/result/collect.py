@@ -50,7 +50,7 @@ def report_data(result: dict[str, Any], findings: Findings, created: str = "") -
         else PosteriorChain(
             sample.names, sample.units, sample.chain, REQUIRED_LENGTH, LARGEST_R_HAT
         ),
-        equations=tuple(printed_equations(findings.final.simulator.model).values()),
+        equations=tuple(printed_equations(findings.analysis.final.simulator.model).values()),
         account=_account(result, findings, attempts),
         reasons=attempts.part("reason of a parameter", _reasons, findings) or {},
         undrawn=tuple(attempts.remarks),
@@ -84,9 +84,8 @@ def _account(
     """Account of the effect search, with plots of the missing voltage or torque."""
     found = attempts.part("missing term", _missing, result, findings)
     terms, traces = found or ([], [])
-    return attempts.part(
-        "search for effects", account_of, findings.judged, result, findings.final, terms, traces
-    )
+    judged, final = findings.analysis.judged, findings.analysis.final
+    return attempts.part("search for effects", account_of, judged, result, final, terms, traces)
 
 
 def _missing(
@@ -95,7 +94,7 @@ def _missing(
     """Plot data of the missing terms against their drivers, and over time."""
     terms: list[MissingTerm] = []
     traces: list[MissingTrace] = []
-    final = findings.final
+    final = findings.analysis.final
     if findings.has_effects:
         path = final_path(final, findings.draws, findings.localisation)
         seen = path.everywhere
@@ -103,21 +102,21 @@ def _missing(
         traces = missing_traces(path, seen, [record.name for record in final.simulator.records])
     elif findings.localisation is not None:
         found = findings.localisation.missing
-        signals = signals_at(findings.declared.simulator.records, found)
+        signals = signals_at(findings.analysis.declared.simulator.records, found)
         terms = unexplained_terms(result["diagnosis"]["trace"], found, signals)
     return terms, traces
 
 
 def _runs(findings: Findings) -> list[RunTraces]:
     traces = []
-    changed = findings.final is not findings.declared
+    changed = findings.analysis.final is not findings.analysis.declared
     for role, runs in (
-        ("training", findings.campaign.training_runs),
-        ("validation", findings.campaign.validation_runs),
+        ("training", findings.analysis.campaign.training_runs),
+        ("validation", findings.analysis.campaign.validation_runs),
     ):
-        simulated = findings.simulated["after"][role]
+        simulated = findings.analysis.simulated["after"][role]
         after = _by_run(simulated, runs, lambda s: s.logged)
-        before = _by_run(findings.simulated["before"][role], runs, lambda s: s.logged)
+        before = _by_run(findings.analysis.simulated["before"][role], runs, lambda s: s.logged)
         measured = _by_run(simulated, runs, lambda s: s.record.measured)
         for run, a, b, m in zip(runs, after, before, measured, strict=True):
             current = run.used("current_A")
@@ -153,10 +152,10 @@ def _by_run(
 
 
 def _coefficients(findings: Findings) -> list[CoefficientCurve]:
-    logged = np.concatenate([r.column("temperature") for r in findings.campaign.training])
+    logged = np.concatenate([r.column("temperature") for r in findings.analysis.campaign.training])
     wanted = findings.options.temperatures
     grid = np.linspace(min(logged.min(), *wanted), max(logged.max(), *wanted), _POINTS)
-    changed = findings.final is not findings.declared
+    changed = findings.analysis.final is not findings.analysis.declared
     curves = []
     for name, unit in (("Ra", "ohm"), ("Kt", "N m/A")):
         q05, median, q95 = _spread(name, findings.draws, grid)
@@ -174,10 +173,10 @@ def _spread(name: str, draws: dict[str, Array], temperature: Array) -> Array:
 
 def _reasons(findings: Findings) -> dict[str, str]:
     """Why a parameter is not identified, as far as the runs show it."""
-    records = findings.campaign.training
+    records = findings.analysis.campaign.training
     temperature = np.concatenate([r.column("temperature") for r in records])
     interval = sample_interval(records)
-    values = findings.final.by_name
+    values = findings.analysis.final.by_name
     reasons = {}
     if np.ptp(temperature) < 3.0:
         for name in ("alpha_Ra", "alpha_Kt"):

@@ -44,6 +44,7 @@ from identification.result.omitted import (
     confounded_warnings,
     omitted_entries,
     omitted_warnings,
+    surrogate_warnings,
 )
 from identification.result.simulation_errors import (
     error_entries,
@@ -68,22 +69,24 @@ _MOST_NAMED = 12
 
 def assemble(findings: Findings) -> dict[str, object]:
     """Content of result.json, schema version 1."""
-    final, declared = findings.final, findings.declared
-    sample = findings.sample
+    analysis = findings.analysis
+    final, declared = analysis.final, analysis.declared
+    records = declared.simulator.records
     known = identified(declared, findings.fraction)
     before = _parameters(declared, findings.declared_draws, known, findings)
     after = _parameters(final, findings.draws, findings.known, findings)
     findings, implausible = _reconsidered(findings)
-    missed = missed_channels(findings)
+    missed = missed_channels(analysis)
     doubtful = {name for one in implausible for name in _DOUBTFUL.get(one.code, ())}
     for name in after if missed else doubtful:
         after[name] = after[name] | {"identified": False}
+    of_effects = dict.fromkeys(findings.known, False) if missed else findings.known
     warnings = _warnings(findings, [*missed, *(one.warning() for one in implausible)])
     return {
         "schema_version": 1,
         "software": _software(),
         "options": _options(findings),
-        "runs": _runs(findings.campaign),
+        "runs": _runs(analysis.campaign),
         "checks": [one.entry() for one in (*findings.admission.findings, *implausible)],
         "forced": findings.admission.forced,
         "set_aside": [
@@ -92,37 +95,35 @@ def assemble(findings: Findings) -> dict[str, object]:
         ],
         "declared": {
             "hold": declared.simulator.model.hold,
-            "voltage": findings.campaign.voltage,
+            "voltage": analysis.campaign.voltage,
             "parameters": before,
         },
         "parameters": after,
         "correlation": _correlation(final, findings.draws),
-        "effects": effect_entries(findings.judged, final, findings.draws, findings.known),
-        "models": model_entries(findings.outcome, final, findings.fraction),
+        "effects": effect_entries(analysis.judged, final, findings.draws, of_effects),
+        "models": model_entries(analysis.outcome, final, findings.fraction),
         "diagnosis": {
-            "residual": detection_entry(findings.before),
-            "trace": trace_entry(
-                findings.localisation, findings.outcome, declared.simulator.records
-            ),
-            "searched": searched_entries(findings.outcome),
+            "residual": detection_entry(analysis.before),
+            "trace": trace_entry(findings.localisation, analysis.outcome, records),
+            "searched": searched_entries(analysis.outcome),
             "omitted": omitted_entries(final, findings.omitted),
             "confounded": confounded_entries(final, findings.omitted),
-            "remaining": detection_entry(findings.after)
-            | trace_entry(findings.left, None, declared.simulator.records),
+            "remaining": detection_entry(analysis.after)
+            | trace_entry(analysis.left, None, records),
             "shifts": shift_entries(after, before, findings.draws, findings.declared_draws)
             if findings.has_effects
             else {},
         },
-        "errors": error_entries(findings),
+        "errors": error_entries(analysis),
         "noise": {
-            "current_A": finite_or_null(findings.noise[0]),
-            "speed_rad_s": finite_or_null(findings.noise[1]),
+            "current_A": finite_or_null(analysis.noise[0]),
+            "speed_rad_s": finite_or_null(analysis.noise[1]),
         },
         "feedback": findings.feedback,
         "feedback_before": findings.feedback_before,
         "feedback_nonlinear": [nonlinear_entry(loop) for loop in findings.loops],
         "feedback_suited": _suited(findings),
-        "sampler": None if sample is None else _sampler(sample),
+        "sampler": _sampler(findings.sample),
         "warnings": [str(warning) for warning in warnings],
         "warning_details": [warning.details() for warning in warnings],
     }
@@ -150,7 +151,9 @@ def _suited(findings: Findings) -> list[dict[str, Any]]:
     return feedback_metrics(findings.draws, findings.options.temperatures, [findings.suited])
 
 
-def _sampler(sample: Sample) -> dict[str, object]:
+def _sampler(sample: Sample | None) -> dict[str, object] | None:
+    if sample is None:
+        return None
     convergence = asdict(sample.convergence)
     is_converged = convergence.pop("reached")
     return {
@@ -168,7 +171,7 @@ def _reconsidered(findings: Findings) -> tuple[Findings, list[Finding]]:
     Effects confounded with a single parameter do not widen its uncertainty here: an inductance is
     reported as implausible even if a sensor lag may explain it.
     """
-    final = findings.final
+    final = findings.analysis.final
     others = [term for term in findings.omitted if not term.parameter]
     known = identified(final, findings.fraction, consider_variances(final, others))
     given = {p.name for p in final.coordinates.parameters if p.origin} - {"Ra25", "Kt25"}
@@ -187,7 +190,7 @@ def _reconsidered(findings: Findings) -> tuple[Findings, list[Finding]]:
     return findings, [
         *time_constant_findings(values, trusted),
         *resistance_findings(values, deviations, trusted),
-        *findings.overheating,
+        *findings.analysis.overheating,
     ]
 
 
@@ -253,15 +256,15 @@ def _parameters(
 
 def _temperatures(findings: Findings) -> list[ResultWarning]:
     """Warnings on runs without logged temperature: the estimate and its basis."""
-    unseen = [one.record for one in findings.simulated["after"]["validation"]]
-    found = estimated_temperatures(findings.final, unseen)
+    unseen = [one.record for one in findings.analysis.simulated["after"]["validation"]]
+    found = estimated_temperatures(findings.analysis.final, unseen)
     if not found:
         return []
     estimates = ", ".join(
         f"{name} ({value:.1f} degC)" for name, value in [*found.items()][:_MOST_NAMED]
     )
     estimates += f" and {len(found) - _MOST_NAMED} more" if len(found) > _MOST_NAMED else ""
-    training = findings.campaign.training_runs
+    training = findings.analysis.campaign.training_runs
     reference = "the other runs"
     if all(run.temperature is None for run in training):
         reference = f"{training[0].name}, which is assumed to be at "
@@ -287,23 +290,25 @@ def _temperatures(findings: Findings) -> list[ResultWarning]:
 
 def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[ResultWarning]:
     """All warnings: validity of the result first, notes on the files last."""
-    campaign, options = findings.campaign, findings.options
+    analysis, options = findings.analysis, findings.options
+    campaign, final = analysis.campaign, analysis.final
     runs = (*campaign.training_runs, *campaign.validation_runs)
     stopped = (options.effort, options.time_limit if findings.interrupted else None)
     return [
         *(contradiction_warning(one, runs[0]) for one in findings.contradicted),
         *findings.admission.warnings,
         *missed,
-        *unexplained_channels(findings),
+        *unexplained_channels(analysis),
         *_undetermined(findings),
-        *early_stop_warnings(findings.final, findings.outcome, findings.sample, *stopped),
-        *outlier_warnings(findings.simulated["after"]["training"]),
-        *coarse_warnings(campaign.training_runs, findings.noise),
-        *coarse_voltage_warnings(campaign.training_runs, findings.final),
-        *worse_runs(findings),
-        *omitted_warnings(findings.final, findings.omitted),
-        *confounded_warnings(findings.final, findings.fraction, findings.omitted),
-        *known_only_warnings(findings.final, findings.fraction),
+        *early_stop_warnings(final, analysis.outcome, findings.sample, *stopped),
+        *outlier_warnings(analysis.simulated["after"]["training"]),
+        *coarse_warnings(campaign.training_runs, analysis.noise),
+        *coarse_voltage_warnings(campaign.training_runs, final),
+        *worse_runs(analysis),
+        *omitted_warnings(final, findings.omitted),
+        *surrogate_warnings(final, findings.omitted),
+        *confounded_warnings(final, findings.fraction, findings.omitted),
+        *known_only_warnings(final, findings.fraction),
         *_temperatures(findings),
         *campaign.warnings,
         *(ResultWarning(w.code, "note", str(w)) for run in runs for w in run.warnings),
@@ -313,8 +318,9 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
 def _undetermined(findings: Findings) -> list[ResultWarning]:
     """Warning on the parameters that the runs do not determine."""
     # The linear part of a curve is reported under the parameter it is collinear with.
-    lines = {line.name for line in linear_parts_of(findings.final)}
-    lines |= {parameter.name for parameter in findings.final.simulator.model.unlogged.parameters}
+    final = findings.analysis.final
+    lines = {line.name for line in linear_parts_of(final)}
+    lines |= {parameter.name for parameter in final.simulator.model.unlogged.parameters}
     unknown = [name for name, found in findings.known.items() if not found and name not in lines]
     if not unknown:
         return []

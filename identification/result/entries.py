@@ -27,6 +27,7 @@ __all__ = [
     "INTERVAL_KIND",
     "INTERVAL_LEVEL",
     "NEAR_NOISE",
+    "NOTHING",
     "ORIGINS",
     "SCHEMA_VERSION",
     "finite_or_null",
@@ -44,6 +45,8 @@ INTERVAL_KIND: Final = "equal-tailed"
 INTERVAL_LEVEL: Final = 0.90
 NEAR_NOISE: Final = 1.10
 """Noise ratio (simulation error over sensor noise) above which the model is incomplete [-]."""
+NOTHING: Final = 0.9
+"""NRMSE above which a model explains nothing of a channel [-]."""
 
 _STATISTICS: Final = ("mean", "sd", "q05", "median", "q95")
 _QUANTILES: Final = (0.05, 0.5, 0.95)

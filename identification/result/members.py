@@ -171,6 +171,7 @@ class EffectEntry(ResultObject):
         Field(json_schema_extra={"uniqueItems": True}),
     ]
     probability: Fraction | None
+    comparable: bool = ABSENT
     parameters: dict[str, Parameter]
     evidence: dict[str, Any]
     alternatives: list[Alternative]

@@ -46,6 +46,7 @@ def effect_entries(
                 "variant": term.variant or None,
                 **_law(term),
                 "probability": found.probability,
+                "comparable": found.is_comparable,
                 "parameters": parameters,
                 "evidence": {
                     "log_likelihood_gain": found.criteria.gain,

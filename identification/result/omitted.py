@@ -11,14 +11,21 @@ from identification.effects.effect import effects_of
 from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
 from identification.quantities import DECLARED_PARAMETERS
-from identification.result.numbers import percent_text
+from identification.result.numbers import percent_text, probability_text
 from identification.selection.confounded import turns_one_way
 from identification.selection.omitted import OmittedTerm, consider_variances
 from identification.warning import ResultWarning
 
-__all__ = ["confounded_entries", "confounded_warnings", "omitted_entries", "omitted_warnings"]
+__all__ = [
+    "confounded_entries",
+    "confounded_warnings",
+    "omitted_entries",
+    "omitted_warnings",
+    "surrogate_warnings",
+]
 
 _NAMED = 4
+_MORE_PROBABLE = 0.5
 _ONE_TORQUE = ("coulomb_friction", "load_torque")
 
 
@@ -29,6 +36,7 @@ def omitted_entries(final: Fit, omitted: Sequence[OmittedTerm]) -> list[dict[str
             "name": term.name,
             "promised_log_likelihood_gain": term.gain,
             "log_likelihood_gain_by_chance": term.chance,
+            "share": term.share,
             "changes": _changes(final, term),
         }
         for term in omitted
@@ -144,6 +152,35 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultW
     omitted = [term for term in omitted if term.gain is not None and not term.parameter]
     if not omitted:
         return []
+    names = ", ".join(term.name for term in omitted[:_NAMED])
+    names += f" and {len(omitted) - _NAMED} more" if len(omitted) > _NAMED else ""
+    message = (
+        "the residual holds structure that no effect explains: adding a term would improve the fit "
+        f"by more than chance, but none passes the acceptance criteria ({names}); the intervals "
+        f"include what such a term could change, which is most for {_most_changed(final, omitted)}"
+    )
+    return [ResultWarning("omitted_terms", "warning", message)]
+
+
+def surrogate_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
+    """Warning on effects that are more probably surrogates for a term outside the catalogue."""
+    surrogates = [term for term in omitted if (term.surrogate or 0.0) > _MORE_PROBABLE]
+    if not surrogates:
+        return []
+    names = ", ".join(
+        f"{term.name} ({probability_text(1.0 - term.share)})" for term in surrogates[:_NAMED]
+    )
+    names += f" and {len(surrogates) - _NAMED} more" if len(surrogates) > _NAMED else ""
+    message = (
+        "the model leaves more than noise, so it is improbable that the motor has the effects "
+        f"{names}; the intervals include the parameters of the model without each of them, which "
+        f"change most for {_most_changed(final, surrogates)}"
+    )
+    return [ResultWarning("improbable_effects", "warning", message)]
+
+
+def _most_changed(final: Fit, omitted: Sequence[OmittedTerm]) -> str:
+    """Parameter that the terms change most in relation to its value, and this change."""
     spread = np.sqrt(consider_variances(final, omitted)) * final.coordinates.slopes(final.position)
     shares = {
         name: float(sd / abs(value))
@@ -151,12 +188,4 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultW
         if name in DECLARED_PARAMETERS and value != 0.0
     }
     most = max(shares, key=lambda name: shares[name])
-    names = ", ".join(term.name for term in omitted[:_NAMED])
-    names += f" and {len(omitted) - _NAMED} more" if len(omitted) > _NAMED else ""
-    message = (
-        "the residual holds structure that no effect explains: adding a term would improve the fit "
-        f"by more than chance, but none passes the acceptance criteria ({names}); the intervals "
-        "include what such a term could change, which is most for "
-        f"{most}: {percent_text(shares[most])} of its value (one standard deviation)"
-    )
-    return [ResultWarning("omitted_terms", "warning", message)]
+    return f"{most}: {percent_text(shares[most])} of its value (one standard deviation)"

@@ -107,6 +107,7 @@ class Omitted(ResultObject):
     name: str
     promised_log_likelihood_gain: Number
     log_likelihood_gain_by_chance: Number
+    share: Fraction = ABSENT
     changes: dict[str, float]
 
 

@@ -84,8 +84,10 @@ def _confirmed(declared: Fit, found: Outcome, trials: Trials) -> tuple[Fit, tupl
         simpler = trials.without(current, term)
         criteria = trials.criteria(current, simpler)
         if criteria.passed:
-            is_undecided = trials.is_undecided(current, simpler)
-            kept.append(replace(effect, criteria=criteria, is_undecided=is_undecided))
+            is_undecided, removal = trials.removal(current, simpler)
+            kept.append(
+                replace(effect, criteria=criteria, is_undecided=is_undecided, removal=removal)
+            )
         else:
             current = simpler
     return with_known_amplitudes(current.fit), tuple(

@@ -36,6 +36,7 @@ __all__ = [
     "input_errors",
     "omitted_terms",
     "optimum_shifts",
+    "removal_steps",
     "unknown_gain",
     "with_omitted_drawn",
 ]
@@ -60,9 +61,17 @@ class OmittedTerm:
     time: float | None = None
     """Time constant of the term at another optimum [s]; the draws lie between the fit and that
     optimum.  None for a first-order change."""
+    surrogate: float | None = None
+    """Probability that the term, an effect of the model, is a surrogate [-]; None for a term that
+    is not in the model."""
     is_linear: bool = False
     """Whether the change is proportional to the amplitude of the term in the physical values; else
     in the search coordinates, as a scaling of all parameters or the way to another optimum."""
+
+    @property
+    def share(self) -> float:
+        """Fraction of the draws that contain the change [-]."""
+        return 1.0 if self.surrogate is None else self.surrogate
 
 
 def optimum_shifts(fit: Fit, changes: Sequence[Array]) -> list[Array]:
@@ -126,6 +135,20 @@ def _distance(fit: Fit, score: Score, position: Array) -> float:
         if one.vanishes
     ]
     return float(np.sum((position / fit.coordinates.prior_sd) ** 2) + np.sum(np.square(sizes)))
+
+
+def removal_steps(fit: Fit, simpler: Fit) -> dict[str, float]:
+    """Change of each common parameter from a fit to that of a simpler model, in search coordinates.
+
+    Empty if the simpler model cannot be simulated.
+    """
+    if not np.isfinite(simpler.cost):
+        return {}
+    known, coordinates = simpler.by_name, fit.coordinates
+    values = np.array([known.get(name, fit.by_name[name]) for name in coordinates.names])
+    moved = np.clip(coordinates.of(values), coordinates.lower, coordinates.upper) - fit.position
+    steps = zip(coordinates.names, map(float, moved), strict=True)
+    return {name: step for name, step in steps if name in known}
 
 
 def unknown_gain(fit: Fit, ratios: Iterable[float]) -> tuple[OmittedTerm, ...]:
@@ -195,9 +218,13 @@ def with_omitted_drawn(
         return draws
     names = fit.coordinates.names
     shape = draws[names[0]].shape
-    amplitudes = np.random.default_rng([seed, 2]).standard_normal((len(omitted), *shape))
+    rng = np.random.default_rng([seed, 2])
+    amplitudes = rng.standard_normal((len(omitted), *shape))
     has_own = np.array([term.time is not None for term in omitted])
     amplitudes[has_own] = np.abs(amplitudes[has_own])
+    shares = np.array([term.share for term in omitted]).reshape(-1, *[1] * len(shape))
+    acts = rng.random(amplitudes.shape) < shares
+    amplitudes = np.where(acts, amplitudes, 0.0) / np.sqrt(shares)
     with np.errstate(invalid="ignore", divide="ignore"):
         position = fit.coordinates.of(np.stack([draws[name] for name in names]))
     # Rounding can put a draw slightly below a bound of 0, where it has no logarithm.
@@ -214,7 +241,9 @@ def with_omitted_drawn(
 
 
 def _steps(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:
-    """(n_parameter, n_term) steps; zero for a parameter that was not part of the screening.
+    """(n_parameter, n_term) standard deviations that the terms add, their shares included.
+
+    They are zero for a parameter that was not part of the screening.
 
     Together they do not exceed the standard deviation of the prior: terms can leave a parameter
     undetermined, but not less certain than without any run.
@@ -222,5 +251,6 @@ def _steps(fit: Fit, omitted: Sequence[OmittedTerm]) -> Array:
     names = fit.coordinates.names
     steps = [[term.steps.get(name, 0.0) for name in names] for term in omitted]
     found = np.array(steps, dtype=np.float64).reshape(len(omitted), len(names)).T
+    found = found * np.sqrt([term.share for term in omitted])
     limit = fit.coordinates.prior_sd / np.maximum(np.linalg.norm(found, axis=1), 1e-300)
     return np.asarray(found * np.minimum(limit, 1.0)[:, None])

@@ -16,7 +16,7 @@ in the Schwarz criterion).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import expit
@@ -64,6 +64,11 @@ class Found:
     is_undecided: bool = False
     """True if the fit without the effect did not converge and may still reach the cost of that with
     it."""
+    removal: dict[str, float] = field(default_factory=dict)
+    """Change of each remaining parameter if the effect is removed, in search coordinates; empty if
+    unknown."""
+    is_comparable: bool = True
+    """False if none of the compared models explains the runs, so that their odds say nothing."""
 
     @property
     def others(self) -> list[tuple[str, float]]:
@@ -146,6 +151,21 @@ class Outcome:
         """The outcome with the probabilities of its effects as of `Found.given`."""
         return replace(self, effects=tuple(found.given(ratios) for found in self.effects))
 
+    @property
+    def doubtful(self) -> tuple[OmittedTerm, ...]:
+        """Effects that may be surrogates for a term outside the catalogue, as consider terms.
+
+        The law of that term is unknown: the parameters may be those with the effect, those without
+        it, or others as far away.  The change is as probable as that term.
+        """
+        return tuple(
+            OmittedTerm(found.name, None, None, found.removal, surrogate=outside)
+            for found in self.effects
+            if (outside := found.outside if found.is_comparable else 1.0)
+            > DEFAULT.reported_probability
+            and found.removal
+        )
+
     def with_alternatives_of(self, effects: Sequence[Found]) -> Outcome:
         """The outcome, its effects without alternatives with those of an earlier search.
 
@@ -162,6 +182,11 @@ class Outcome:
                 for found in self.effects
             ),
         )
+
+    def without_probabilities(self) -> Outcome:
+        """The outcome of models that do not explain the runs."""
+        effects = tuple(replace(found, is_comparable=False) for found in self.effects)
+        return replace(self, effects=effects)
 
     def doubting(self, names: Sequence[str]) -> Outcome:
         """The outcome with a term outside the catalogue in place of effects that cannot be."""

@@ -333,8 +333,8 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
         names = (rival.effects_added_to(simpler)[0].name for rival in rivals)
         rated = zip(names, odds, rivals, strict=True)
         alternatives = _alternatives(rated, trials.policy.reported_probability)
-        is_open = trials.is_undecided(current, simpler)
-        effects.append(Found(term.name, share, criteria, alternatives, is_undecided=is_open))
+        is_open, removal = trials.removal(current, simpler)
+        effects.append(Found(term.name, share, criteria, alternatives, 0.0, is_open, removal))
     return sorted(effects, key=lambda effect: -effect.criteria.gain), better
 
 

@@ -21,7 +21,7 @@ from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
 from identification.selection.criteria import AcceptanceCriteria, by_chance
 from identification.selection.evidence import EvaluatedModel, evaluated
-from identification.selection.omitted import OmittedTerm, omitted_terms
+from identification.selection.omitted import OmittedTerm, omitted_terms, removal_steps
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import (
     refined,
@@ -128,9 +128,16 @@ class Trials:
             )
         return known
 
-    def is_undecided(self, current: EvaluatedModel, simpler: EvaluatedModel) -> bool:
-        """True if the simpler model did not converge and may still reach the cost of `current`."""
-        return _is_undecided(simpler.fit, current)
+    def removal(
+        self, current: EvaluatedModel, simpler: EvaluatedModel
+    ) -> tuple[bool, dict[str, float]]:
+        """Whether the removal of an effect is undecided, and the change of the other parameters.
+
+        It is undecided if the simpler model did not converge and may still reach the cost of
+        `current`.
+        """
+        is_undecided = _is_undecided(simpler.fit, current)
+        return is_undecided, removal_steps(current.fit, simpler.fit)
 
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
         """Model with a term replaced by an extended variant."""

@@ -17,15 +17,17 @@ from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.posterior.density import Posterior
-from identification.result.omitted import omitted_warnings
+from identification.result.omitted import omitted_warnings, surrogate_warnings
 from identification.selection.candidates import scales_of
 from identification.selection.omitted import (
     OmittedTerm,
     consider_variances,
     omitted_terms,
+    removal_steps,
     unknown_gain,
     with_omitted_drawn,
 )
+from identification.selection.refit import refitted_with, refitted_without
 from identification.selection.screen import screened
 from identification.selection.start import Along
 from tests.effects.hidden import records_of_bench
@@ -198,3 +200,37 @@ def test_a_linear_change_of_a_positive_parameter_is_no_exponential(clean: Fit) -
 
     assert wide.min() > 0.0
     assert np.quantile(wide, 0.9987) == pytest.approx(7.0, rel=0.15)
+
+
+def test_a_surrogate_changes_the_draws_in_which_it_is_one(clean: Fit) -> None:
+    """A quarter of the draws, with the variance that is considered."""
+    term = OmittedTerm("brush_drop", None, None, {"Ra25": 0.1}, surrogate=0.25)
+    draws = {
+        name: np.full(20_000, at)
+        for name, at in zip(clean.coordinates.names, clean.values, strict=True)
+    }
+
+    change = np.log(with_omitted_drawn(draws, clean, [term], seed=1)["Ra25"] / draws["Ra25"])
+
+    row = clean.coordinates.names.index("Ra25")
+    assert np.mean(np.abs(change) > 1e-9) == pytest.approx(0.25, abs=0.01)
+    assert np.var(change) == pytest.approx(consider_variances(clean, [term])[row], rel=0.05)
+
+
+def test_removal_of_a_friction_returns_what_viscous_friction_absorbs(
+    rubbing: tuple[Fit, dict[str, float]],
+) -> None:
+    """The change of b is that between two fits; a warning names it if the effect is improbable."""
+    fit, _ = rubbing
+    (score, *_) = screened(fit, CoulombFriction.candidates(scales_of(fit)))
+    whole = refitted_with(fit, score.candidate.final, score.starts)
+
+    removal = removal_steps(whole, refitted_without(whole, "coulomb_friction"))
+
+    assert "coulomb_friction.torque" not in removal
+    assert removal["b"] == pytest.approx(np.log(fit.by_name["b"] / whole.by_name["b"]), abs=0.02)
+    surrogate = OmittedTerm("coulomb_friction", None, None, removal, surrogate=0.9)
+    (message,) = map(str, surrogate_warnings(whole, [surrogate]))
+    assert "coulomb_friction (10.0 %)" in message
+    assert "change most for b: " in message
+    assert surrogate_warnings(whole, [replace(surrogate, surrogate=0.1)]) == []

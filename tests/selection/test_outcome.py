@@ -79,3 +79,24 @@ def test_heating_that_no_winding_endures_is_left_to_a_term_outside_the_catalogue
     assert doubted.effects[0].probability == 0.0
     assert doubted.effects[0].others == [("unlisted", 1.0)]
     assert doubted.effects[1] == friction
+
+
+def test_a_surrogate_makes_the_parameters_as_uncertain_as_its_removal_changes_them() -> None:
+    """The share of the draws is the probability of a term outside the catalogue."""
+    heating = replace(HEATING, removal={"Ra25": 0.2})
+    doubted = Outcome(cast(Fit, None), (heating,), ()).given(np.array([10.0, 2.0]))
+
+    (term,) = doubted.doubtful
+
+    assert (term.name, term.steps) == ("self_heating", {"Ra25": 0.2})
+    assert term.share == doubted.effects[0].outside > 0.5
+    assert Outcome(cast(Fit, None), (heating,), ()).doubtful == ()
+
+
+def test_an_effect_of_a_model_that_explains_nothing_is_doubtful_in_all_draws() -> None:
+    """Its probability compares models of which none is true."""
+    heating = replace(HEATING, removal={"Ra25": 0.2})
+    outcome = Outcome(cast(Fit, None), (heating,), ()).without_probabilities()
+
+    assert [term.share for term in outcome.doubtful] == [1.0]
+    assert not outcome.effects[0].is_comparable

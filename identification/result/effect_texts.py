@@ -1,0 +1,67 @@
+"""Probability of an effect of result.json in words.
+
+A probability compares models of which one is true.  If none of them explains the runs, it says
+nothing about the motor, however large it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from identification.result.entries import NOTHING
+from identification.result.numbers import listed, percent_text, probability_text
+
+__all__ = [
+    "alternative_texts",
+    "effect_probability",
+    "has_no_probability",
+    "is_surrogate",
+    "unexplained_words",
+]
+
+_OUTSIDE = "unlisted"
+Entry = Mapping[str, Any]
+
+
+def has_no_probability(effect: Entry) -> bool:
+    """Whether none of the compared models explains the runs."""
+    return effect.get("comparable") is False
+
+
+def effect_probability(effect: Entry) -> str:
+    """Probability of an effect as text."""
+    return (
+        "not applicable" if has_no_probability(effect) else probability_text(effect["probability"])
+    )
+
+
+def alternative_texts(effect: Entry) -> list[str]:
+    """Alternatives of an effect, with their probabilities if they apply."""
+    names = {one["name"]: one["name"].replace("_", " ") for one in effect.get("alternatives") or ()}
+    if has_no_probability(effect):
+        return list(names.values())
+    return [
+        f"{names[one['name']]} {probability_text(one['probability'])}"
+        for one in effect.get("alternatives") or ()
+    ]
+
+
+def unexplained_words(result: Entry) -> str:
+    """Explained variance of the channels of which the model explains nothing."""
+    errors: Entry = result["errors"]["after"].get("training") or {}
+    shares = {
+        channel: max(0.0, 1.0 - error["nrmse"] ** 2)
+        for channel, error in errors.items()
+        if error and (error["nrmse"] or 0.0) > NOTHING
+    }
+    parts = [
+        f"{percent_text(share, 2)} of the variance of the {name}" for name, share in shares.items()
+    ]
+    return f"the model explains {listed(parts)}" if parts else ""
+
+
+def is_surrogate(effect: Entry) -> bool:
+    """Whether a term outside the catalogue is more probable than the effect."""
+    probabilities = {one["name"]: one["probability"] for one in effect["alternatives"]}
+    return (probabilities.get(_OUTSIDE) or 0.0) > (effect["probability"] or 0.0)

@@ -1,0 +1,68 @@
+"""Words on effects that the runs hardly support, or not at all."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+
+from identification.reporting.headline import effect_tiles, headline_sentences
+from identification.reporting.summary import summary_sentences
+from identification.result.effect_texts import effect_probability
+from tests.reports import make_report
+
+
+@pytest.fixture
+def result() -> dict[str, Any]:
+    """Modifiable result of a motor with dry friction."""
+    copied: dict[str, Any] = copy.deepcopy(dict(make_report(rows=300, with_effect=True).result))
+    return copied
+
+
+def test_a_model_that_explains_nothing_gives_no_probability(result: dict[str, Any]) -> None:
+    """An NRMSE of 98 % leaves 4 % of the variance explained (1 - 0.98^2)."""
+    result["effects"][0] |= {"probability": 0.9999, "comparable": False}
+    result["errors"]["after"]["training"]["speed"]["nrmse"] = 0.98
+
+    words = " ".join([*headline_sentences(result), *summary_sentences(result)])
+
+    assert "99.9" not in words
+    assert "The motor has" not in words
+    assert "the model explains 4.0 % of the variance of the speed" in words
+    assert effect_probability(result["effects"][0]) == "not applicable"
+
+
+def test_the_alternatives_of_such_an_effect_have_no_probability_either() -> None:
+    """The tile names them alone."""
+    report = make_report(rows=300, with_effect=True)
+    report.result["effects"][0]["comparable"] = False
+
+    (tile,) = effect_tiles(report)
+
+    assert (tile["probability"], tile["alternatives"]) == ("not applicable", "viscous temperature")
+
+
+def test_a_surrogate_is_no_effect_of_the_motor(result: dict[str, Any]) -> None:
+    """A term outside the catalogue is more probable than the friction."""
+    result["effects"][0]["probability"] = 0.005
+    result["effects"][0]["alternatives"] = [{"name": "unlisted", "probability": 0.995}]
+
+    first = headline_sentences(result)[0]
+
+    assert "The motor has" not in first
+    assert first.endswith("The fit uses coulomb friction (probability 0.5 %) as surrogates.")
+
+
+def test_an_incomplete_model_casts_doubt_on_the_parameters_that_remain(
+    result: dict[str, Any],
+) -> None:
+    """One parameter is not identified; the intervals of the others may be off too."""
+    result["parameters"]["b"]["identified"] = False
+    checks = [{"channel": "current", "role": "training", "passed": False}]
+    result["diagnosis"]["remaining"] = {"missing": True, "checks": checks}
+
+    assert headline_sentences(result)[-1] == (
+        "The runs do not determine b; treat its value as unknown. The model is incomplete; an "
+        "interval may not contain the true value."
+    )

@@ -1,0 +1,65 @@
+"""Channels of which a model explains nothing, and what a result then says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification import FitOptions, identify
+from identification.diagnosis.localise import localise
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.ingest.run import Run
+from identification.result.residual_analysis import ResidualAnalysis
+from tests.motors import campaign, motor_named
+
+RUNS = campaign(motor_named("servo 100 W"), seed=4)
+
+
+def _of_another_time(run: Run) -> Run:
+    """The run with a speed that has no relation to its voltage."""
+    return replace(run, speed=np.roll(run.speed, run.rows // 2))
+
+
+def _behind_noise(run: Run, seed: int) -> Run:
+    """The run with white noise of three times the standard deviation of the speed."""
+    noise = np.random.default_rng(seed).normal(0.0, 3.0 * run.speed.std(), run.rows)
+    return replace(run, speed=run.speed + noise)
+
+
+def _analysis(runs: list[Run]) -> ResidualAnalysis:
+    split = campaign_of(runs, ())
+    fit = fit_declared(split.training, "zoh")
+    return ResidualAnalysis(split, fit, fit, None, localise(fit))
+
+
+def test_a_speed_of_another_recording_is_not_explained() -> None:
+    """The estimate of its noise is as large as the signal; the autocorrelation decides."""
+    missed = _analysis([_of_another_time(run) for run in RUNS]).missed
+
+    assert list(missed) == ["speed"]
+    assert missed["speed"]["noise_ratio"] is not None
+    assert missed["speed"]["noise_ratio"] < 2.0
+
+
+def test_white_noise_larger_than_the_speed_is_explained() -> None:
+    """The NRMSE is above 90 %, and the model is right."""
+    analysis = _analysis([_behind_noise(run, seed) for seed, run in enumerate(RUNS)])
+
+    (first, *_) = analysis.simulated["after"]["training"]
+    assert np.std(first.residual[:, 1]) > 0.9 * np.std(first.record.measured[:, 1])
+    assert analysis.missed == {}
+
+
+def test_nothing_is_certain_if_the_model_explains_nothing_of_the_speed() -> None:
+    """The current needs dry friction without the speed, and the friction fits it very well."""
+    options = FitOptions(posterior=False, force=True, effort="quick")
+
+    result = identify([_of_another_time(run) for run in RUNS[:1]], (), options).result
+
+    assert result["effects"]
+    assert not any(effect["comparable"] for effect in result["effects"])
+    entries = [result["parameters"], *(effect["parameters"] for effect in result["effects"])]
+    assert not any(entry["identified"] for group in entries for entry in group.values())
+    assert any("the NRMSE is" in warning for warning in result["warnings"])
