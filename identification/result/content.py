@@ -306,7 +306,7 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
         *coarse_voltage_warnings(campaign.training_runs, final),
         *worse_runs(analysis),
         *omitted_warnings(final, findings.omitted),
-        *surrogate_warnings(final, findings.omitted),
+        *([] if missed else surrogate_warnings(final, findings.omitted)),
         *confounded_warnings(final, findings.fraction, findings.omitted),
         *known_only_warnings(final, findings.fraction),
         *_temperatures(findings),

@@ -63,3 +63,4 @@ def test_nothing_is_certain_if_the_model_explains_nothing_of_the_speed() -> None
     entries = [result["parameters"], *(effect["parameters"] for effect in result["effects"])]
     assert not any(entry["identified"] for group in entries for entry in group.values())
     assert any("the NRMSE is" in warning for warning in result["warnings"])
+    assert not any("it is improbable" in warning for warning in result["warnings"])
