@@ -6,10 +6,7 @@ nothing about the motor, however large it is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from identification.result.entries import NOTHING
+from identification.result.entries import NOTHING, Entry
 from identification.result.numbers import listed, percent_text, probability_text
 
 __all__ = [
@@ -21,7 +18,6 @@ __all__ = [
 ]
 
 _OUTSIDE = "unlisted"
-Entry = Mapping[str, Any]
 
 
 def has_no_probability(effect: Entry) -> bool:

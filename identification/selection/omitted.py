@@ -101,7 +101,7 @@ def optimum_shifts(fit: Fit, changes: Sequence[Array]) -> list[Array]:
 def omitted_terms(
     fit: Fit, fraction: float, scores: Iterable[Score], tried: int
 ) -> tuple[OmittedTerm, ...]:
-    """Terms with a predicted gain above chance, one per effect type, best first.
+    """Plausible terms with a predicted gain above chance, one per effect type, best first.
 
     `tried` is the number of prototypes from which the best was selected.
     """
@@ -113,12 +113,19 @@ def omitted_terms(
         if score.along is None or not gain > chance or score.candidate.term.name in found:
             continue
         position = np.reshape(score.along.position, -1)
-        if np.isfinite(position).all():
+        if np.isfinite(position).all() and not _is_implausible(score):
             step = position / np.sqrt(1.0 + _distance(fit, score, position))
             steps = dict(zip(fit.coordinates.names, map(float, step), strict=True))
             name = score.candidate.term.name
             found[name] = OmittedTerm(name, float(gain), float(chance), steps, is_linear=True)
     return tuple(found.values())
+
+
+def _is_implausible(score: Score) -> bool:
+    """Whether the term at its best amplitude contradicts its effect and so cannot be missing."""
+    term = score.candidate.final
+    names = [parameter.name for parameter in term.parameters]
+    return bool(term.flaw(dict(zip(names, map(float, score.start), strict=False))))
 
 
 def _distance(fit: Fit, score: Score, position: Array) -> float:
