@@ -20,7 +20,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from app.commands.exits import raise_missed
-from identification.result.effect_texts import effect_probability
+from identification.result.effect_texts import effect_details
 from identification.result.numbers import (
     UNKNOWN,
     Interval,
@@ -129,8 +129,7 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
         console.print(sentence)
     console.print(_parameters(result))
     for effect in result.get("effects") or ():
-        chance = effect_probability(effect)
-        console.print(f"{effect['name']} ({effect['equation']}), probability {chance}")
+        console.print(f"{effect['name']} ({effect['equation']}), {effect_details(effect)}")
     console.print(_errors(result))
     print_feedback(result["feedback"])
     for file in _FILES.values():

@@ -16,6 +16,7 @@ from identification.reporting.summary import (
 )
 from identification.result.effect_texts import (
     alternative_texts,
+    effect_details,
     effect_probability,
     has_no_probability,
     is_surrogate,
@@ -118,10 +119,7 @@ def _effects_sentence(result: Entry) -> str:
 
 def _with_probabilities(effects: Sequence[Entry]) -> str:
     return listed(
-        [
-            f"{effect['name'].replace('_', ' ')} (probability {effect_probability(effect)})"
-            for effect in effects
-        ]
+        [f"{effect['name'].replace('_', ' ')} ({effect_details(effect)})" for effect in effects]
     )
 
 

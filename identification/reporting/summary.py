@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from identification.reporting.loops import loop_sentence
 from identification.result.effect_texts import (
     alternative_texts,
-    effect_probability,
+    effect_details,
     has_no_probability,
     unexplained_words,
 )
@@ -108,7 +108,7 @@ def _effects(result: Entry) -> str:
         name = effect["name"].replace("_", " ")
         label = "driver" if len(effect["drivers"]) == 1 else "drivers"
         details = [f"{label}: {listed(effect['drivers'])}"] if effect["drivers"] else []
-        details += [f"probability {effect_probability(effect)}"]
+        details += [effect_details(effect)]
         details += [f"alternative: {text}" for text in alternative_texts(effect)]
         parts.append(f"{name} in the {effect['equation']} equation ({', '.join(details)})")
     if not parts:

@@ -11,6 +11,7 @@ from identification.result.numbers import listed, percent_text, probability_text
 
 __all__ = [
     "alternative_texts",
+    "effect_details",
     "effect_probability",
     "has_no_probability",
     "is_surrogate",
@@ -30,6 +31,13 @@ def effect_probability(effect: Entry) -> str:
     return (
         "not applicable" if has_no_probability(effect) else probability_text(effect["probability"])
     )
+
+
+def effect_details(effect: Entry) -> str:
+    """Probability of an effect, and the law of an unlisted one."""
+    law = str(effect.get("variant") or "").partition(",")[0]
+    law = f"{law}, " if law and effect["name"] == _OUTSIDE else ""
+    return f"{law}probability {effect_probability(effect)}"
 
 
 def alternative_texts(effect: Entry) -> list[str]:

@@ -9,7 +9,7 @@ import pytest
 
 from identification.reporting.headline import effect_tiles, headline_sentences
 from identification.reporting.summary import summary_sentences
-from identification.result.effect_texts import effect_probability
+from identification.result.effect_texts import effect_details, effect_probability
 from tests.reports import make_report
 
 
@@ -66,3 +66,16 @@ def test_an_incomplete_model_casts_doubt_on_the_parameters_that_remain(
         "The runs do not determine b; treat its value as unknown. The model is incomplete; an "
         "interval may not contain the true value."
     )
+
+
+def test_an_unlisted_term_is_named_with_its_law(result: dict[str, Any]) -> None:
+    """The equation and the drivers of an unlisted term do not say what it is."""
+    law = "ripple of the speed sensor over the shaft angle"
+    result["effects"][0] |= {"name": "unlisted", "variant": f"{law}, separate phase in each run"}
+    result["effects"][0]["probability"] = 1.0
+
+    words = " ".join([*headline_sentences(result), *summary_sentences(result)])
+
+    assert f"unlisted ({law}, probability > 99.9 %)" in words
+    assert f"{law}, probability > 99.9 %" in effect_details(result["effects"][0])
+    assert "separate phase" not in words
