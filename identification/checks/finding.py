@@ -93,11 +93,12 @@ def factor(run: Run, channel: str, number: float) -> str:
     if source.value is not None:
         return f"{run.name}:{channel}={_number(source.value * number)} in {source.unit}"
     words, scale = source.cell, source.scale * number
-    if scale != 1.0:
+    is_bare = bool(source.sign) and scale == 1.0
+    if not is_bare:
         words += f" * {_number(scale)}"
     if source.offset:
         words += f" + {_number(source.offset * number)}"
-    if scale == 1.0 or source.unit != canonical_unit(channel).name:
+    if is_bare or source.unit != canonical_unit(channel).name:
         words += f" in {source.unit}"
     if source.period is not None:
         words += f" mod {_number(source.period)}"

@@ -69,7 +69,7 @@ def forward(state: State) -> bool:
     """Add the best candidate that meets the acceptance criteria; return False if there is none."""
     trials, current, round_ = state.trials, state.current, state.round + 1
     scores = trials.scores(current)
-    wanted = with_predicted_gain(scores, trials.policy.candidates, _least_gain(trials, current))
+    wanted = _with_worthwhile_gain(trials, current, scores, trials.policy.candidates)
     accepted = accept(state, wanted)
     refitted = {score.structure for score in wanted}
     for score in with_predicted_gain(scores, len(scores)):
@@ -127,10 +127,27 @@ def _least_gain(trials: Trials, model: EvaluatedModel, without: str = "") -> flo
     return max(trials.worth_a_refit(model), trials.policy.predicted_share * most)
 
 
+def _with_worthwhile_gain(
+    trials: Trials, model: EvaluatedModel, scores: Sequence[Score], count: int, without: str = ""
+) -> list[Score]:
+    """Candidates of a model that are worth a refit, the type `without` left aside.
+
+    Amplitudes that are free in each record gain by chance in each of them: a candidate is left out
+    if its predicted gain would not be significant even if it were underestimated as far as any.
+    """
+    records, least = len(model.fit.states), _least_gain(trials, model, without)
+    likely = [
+        score
+        for score in scores
+        if trials.policy.underestimate * score.gain > trials.chance(model, score.unknowns(records))
+    ]
+    return with_predicted_gain(likely, count, least)
+
+
 def has_predicted_gain(state: State) -> bool:
     """Whether the predicted gain of any candidate justifies a refit."""
     scores = state.trials.scores(state.current)
-    return bool(with_predicted_gain(scores, 1, _least_gain(state.trials, state.current)))
+    return bool(_with_worthwhile_gain(state.trials, state.current, scores, 1))
 
 
 def lacks_more(state: State) -> bool:
@@ -216,5 +233,5 @@ def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[Evaluate
     scores = [
         s for s in scores if s.gain * trials.underestimate(simpler, s.candidate.term) > needed
     ]
-    wanted = with_predicted_gain(scores, policy.rivals, _least_gain(trials, simpler, without=name))
+    wanted = _with_worthwhile_gain(trials, simpler, scores, policy.rivals, without=name)
     return trials.finish_best(simpler, trials.refits(simpler, wanted, limit))

@@ -319,12 +319,14 @@ class Trials:
         the prototype.  The size limit is divided by `understated`, the largest ratio of achieved to
         predicted gain (that of effects if None), the significance limit by two.
         """
-        counts = current.fit.weighting.counts
-        samples = max(float(counts.sum()) * current.fraction, 2.0)
-        chance = by_chance(unknowns, samples, max(self.tried, 1))
-        size = self.policy.least_fall * float(counts.max()) * current.fraction
+        size = self.policy.least_fall * float(current.fit.weighting.counts.max())
         understated = understated or self.policy.underestimate
-        return float(max(chance / 2, size / understated)) / current.fraction
+        return float(max(self.chance(current, unknowns) / 2, size / understated))
+
+    def chance(self, current: EvaluatedModel, unknowns: int) -> float:
+        """Gain that a number of added unknowns needs to be significant."""
+        samples = max(float(current.fit.weighting.counts.sum()) * current.fraction, 2.0)
+        return by_chance(unknowns, samples, max(self.tried, 1)) / current.fraction
 
 
 def _is_undecided(fit: Fit, current: EvaluatedModel) -> bool:
