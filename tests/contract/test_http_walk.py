@@ -62,7 +62,10 @@ class Walk:
     elsewhere: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.page.on("console", lambda message: self.console.append(message.text))
+        self.page.on(
+            "console",
+            lambda message: self.console.append(f"{message.text} {message.location.get('url')}"),
+        )
         self.page.on("pageerror", lambda error: self.console.append(str(error)))
         self.page.on("request", lambda request: self._note(request.url))
 
