@@ -143,7 +143,7 @@ def _row(name: str, a: Result | None, b: Result | None, drift: Drift | None) -> 
         "relative": signed_percent_text(drift.relative) if drift and is_relative else UNKNOWN,
         "sds": UNKNOWN
         if drift is None or drift.sds is None
-        else f"{drift.sds:+.1f}".replace("-", "−"),
+        else f"{drift.sds:+z.1f}".replace("-", "−"),
         "is_significant": drift is not None and drift.is_significant is True,
     }
 

@@ -154,13 +154,13 @@ def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool,
 
 
 def _is_overrun(trials: Trials) -> bool:
-    """True if the rounds have spent the whole budget; that of the curves is then granted anew."""
+    """True if the rounds have spent the whole budget; the curves have theirs in any case."""
     budget, policy = trials.budget, trials.policy
-    is_overrun = budget.left < 0.0
-    if is_overrun:
-        whole = trials.longest / policy.refit_budget
-        budget.extend((1.0 - policy.catalogue_budget) * whole - budget.left)
-    return is_overrun
+    left, whole = budget.left, trials.longest / policy.refit_budget
+    reserved = (1.0 - policy.catalogue_budget) * whole
+    if left < reserved:
+        budget.extend(reserved - left)
+    return left < 0.0
 
 
 def _refunded(began: float, *budgets: Budget) -> float:

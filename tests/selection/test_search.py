@@ -12,8 +12,8 @@ from identification.fit.declared import fit_declared
 from identification.result.early_stop import early_stop_warnings
 from identification.selection import trials
 from identification.selection.outcome import Outcome
-from identification.selection.policy import SelectionPolicy
-from identification.selection.search import search
+from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.search import _is_overrun, search
 from identification.selection.trials import Trials
 from identification.work import Budget, metered
 from tests.effects.hidden import records_of_bench
@@ -216,3 +216,15 @@ def test_an_inductance_that_falls_far_has_a_predicted_gain() -> None:
 
     assert gains["inductance_saturation"] > trials.worth_a_refit(declared)
     assert gains["inductance_saturation"] > 0.5 * max(gains.values())
+
+
+@pytest.mark.parametrize(("left", "is_overrun"), [(-40.0, True), (3.0, False), (60.0, False)])
+def test_the_curves_have_a_quarter_of_the_budget_whatever_the_rounds_leave(
+    left: float, is_overrun: bool
+) -> None:
+    """Of 100 operations, 25 are for curves; rounds that leave more keep it."""
+    measured = make_campaign("servo_150w", [], 3, rows=300, training=1, validation=0)
+    cache = Trials(records_of_bench(measured), Budget(left), DEFAULT.refit_budget * 100.0)
+
+    assert _is_overrun(cache) is is_overrun
+    assert cache.budget.left == pytest.approx(max(left, 25.0))
