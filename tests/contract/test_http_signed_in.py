@@ -236,7 +236,7 @@ def test_new_key_remains_while_others_are_managed(page: Page) -> None:
     focused = page.evaluate("document.activeElement.innerText")
     page.on("dialog", lambda dialog: dialog.accept())
     page.click("tbody button >> nth=0")
-    page.locator("tbody .state", has_text="revoked").wait_for()
+    page.locator("tr", has_text="bench 8").locator(".state", has_text="revoked").wait_for()
 
     assert fields == ("bench 8", "soon", True)
     assert page.inner_text(".secret") in focused
