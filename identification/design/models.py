@@ -212,7 +212,7 @@ class Quantity:
     gradient: Array
     """(n_parameter,) derivative by the coordinates."""
     logarithmic: bool = False
-    """Whether its logarithm, and not itself, has the normal distribution."""
+    """True if its logarithm has the normal distribution, False if it has itself."""
 
     def width(self, covariance: Array) -> float:
         """Width of the 90 % interval for a covariance of the coordinates [unit]."""

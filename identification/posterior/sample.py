@@ -55,7 +55,8 @@ _FIRST_TRIAL: Final = 40
 """Steps after which the autocorrelation time can abandon a chain at the earliest, and a quarter of
 its step limit."""
 _HELD: Final = 20
-"""Steps after which the acceptance can: of some thousand proposals it is known to a tenth."""
+"""Steps after which the acceptance can: of some thousand proposals it is known to a few
+hundredths."""
 _HOPELESS: Final = 4.0
 """Length that a chain needs, over its step limit, at which it is abandoned before `_TRIAL` steps.
 Walkers that still approach the posterior lengthen the autocorrelation time; a factor of four leaves

@@ -22,7 +22,7 @@ _OUTSIDE = "unlisted"
 
 
 def has_no_probability(effect: Entry) -> bool:
-    """Whether none of the compared models explains the runs."""
+    """True if none of the compared models explains the runs."""
     return effect.get("comparable") is False
 
 
@@ -66,6 +66,6 @@ def unexplained_words(result: Entry) -> str:
 
 
 def is_surrogate(effect: Entry) -> bool:
-    """Whether a term outside the catalogue is more probable than the effect."""
+    """True if a term outside the catalogue is more probable than the effect."""
     probabilities = {one["name"]: one["probability"] for one in effect["alternatives"]}
     return (probabilities.get(_OUTSIDE) or 0.0) > (effect["probability"] or 0.0)

@@ -152,8 +152,7 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultW
     omitted = [term for term in omitted if term.gain is not None and not term.parameter]
     if not omitted:
         return []
-    names = ", ".join(term.name for term in omitted[:_NAMED])
-    names += f" and {len(omitted) - _NAMED} more" if len(omitted) > _NAMED else ""
+    names = _named([term.name for term in omitted])
     message = (
         "the residual holds structure that no effect explains: adding a term would improve the fit "
         f"by more than chance, but none passes the acceptance criteria ({names}); the intervals "
@@ -167,16 +166,19 @@ def surrogate_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[Resul
     surrogates = [term for term in omitted if (term.surrogate or 0.0) > _MORE_PROBABLE]
     if not surrogates:
         return []
-    names = ", ".join(
-        f"{term.name} ({probability_text(1.0 - term.share)})" for term in surrogates[:_NAMED]
-    )
-    names += f" and {len(surrogates) - _NAMED} more" if len(surrogates) > _NAMED else ""
+    names = _named([f"{term.name} ({probability_text(1.0 - term.share)})" for term in surrogates])
     message = (
         "the model leaves more than noise, so it is improbable that the motor has the effects "
         f"{names}; the intervals include the parameters of the model without each of them, which "
         f"change most for {_most_changed(final, surrogates)}"
     )
     return [ResultWarning("improbable_effects", "warning", message)]
+
+
+def _named(names: Sequence[str]) -> str:
+    """The first of the names, and the number of the others."""
+    others = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + others
 
 
 def _most_changed(final: Fit, omitted: Sequence[OmittedTerm]) -> str:

@@ -65,7 +65,7 @@ class OmittedTerm:
     """Probability that the term, an effect of the model, is a surrogate [-]; None for a term that
     is not in the model."""
     is_linear: bool = False
-    """Whether the change is proportional to the amplitude of the term in the physical values; else
+    """True if the change is proportional to the amplitude of the term in the physical values; else
     in the search coordinates, as a scaling of all parameters or the way to another optimum."""
 
     @property
@@ -122,10 +122,10 @@ def omitted_terms(
 
 
 def _is_implausible(score: Score) -> bool:
-    """Whether the term at its best amplitude contradicts its effect and so cannot be missing."""
+    """True if the term at its best amplitude contradicts its effect and so cannot be missing."""
     term = score.candidate.final
     names = [parameter.name for parameter in term.parameters]
-    return bool(term.flaw(dict(zip(names, map(float, score.start), strict=False))))
+    return bool(term.flaw(dict(zip(names, map(float, score.start), strict=True))))
 
 
 def _distance(fit: Fit, score: Score, position: Array) -> float:

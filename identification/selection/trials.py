@@ -131,7 +131,7 @@ class Trials:
     def removal(
         self, current: EvaluatedModel, simpler: EvaluatedModel
     ) -> tuple[bool, dict[str, float]]:
-        """Whether the removal of an effect is undecided, and the change of the other parameters.
+        """True if the removal of an effect is undecided, and the change of the other parameters.
 
         It is undecided if the simpler model did not converge and may still reach the cost of
         `current`.

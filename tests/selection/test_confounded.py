@@ -25,6 +25,7 @@ from identification.selection.omitted import OmittedTerm, consider_variances, wi
 from identification.selection.policy import DEFAULT
 from identification.selection.refit import refitted_with
 from identification.selection.start import Start
+from identification.work import metered, operations
 from tests.effects.hidden import records_of_bench
 from tests.motors import Excitation, campaign, motor_named
 
@@ -108,6 +109,20 @@ def test_optimum_with_the_lag_in_the_sensor_is_the_true_motor(
     assert fit.coordinates.values(moved)[row] == pytest.approx(
         hidden.truth["parameters"]["L"], rel=0.2
     )
+
+
+def test_optimum_of_a_structured_residual_is_fitted_to_the_subset_alone() -> None:
+    """All samples say no more than the subset, and a fit to them is several times as much work."""
+    request = EffectRequest("current_filter", size=0.4)
+    hidden = make_campaign("coreless_10w", [request], seed=1, rows=8000, training=2)
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    work = []
+    for is_structured in (False, True):
+        with metered():
+            confounded_terms(fit, is_structured=is_structured)
+            work.append(operations())
+
+    assert work[1] < 0.8 * work[0]
 
 
 @pytest.mark.parametrize("motor", ["coreless 10 W", "servo 100 W", "ferrite 50 W", "pump 2 kW"])

@@ -21,7 +21,7 @@ TEMPERATURES = (30.0, 65.0, 100.0, 50.0)
 
 
 def outcome_of(seed: int, order: int, share: float) -> Outcome:
-    """What the search ends with for a ripple of a share of the speed.
+    """Outcome of the search for a ripple of a share of the speed.
 
     The simulator of the benches shares no code with the model.  The angle is not logged.  A ripple
     is resolved if the shaft turns by less than half a period between samples.
