@@ -268,6 +268,10 @@ class ShaftCompliance(AbstractSecondInertia):
     second inertia.  With k = J_2 w_0^2 and c = 2 z J_2 w_0, w_0 is the natural frequency of the
     second inertia with the rotor held, and z its damping ratio.  `h` is the relative increase of
     the stiffness at the torque T.  J remains the total inertia, which determines slow motions.
+
+    The damping is at most critical: a joint that cannot oscillate is no elastic shaft, and would
+    stand for any other lag.  Elastomer couplings have a relative damping of about 1 (DIN 740-2), so
+    that z = 1 / (4 pi) = 0.08.
     """
 
     torque_size: float
@@ -289,7 +293,7 @@ class ShaftCompliance(AbstractSecondInertia):
                 "resonance", "rad/s", "natural frequency of the second inertia, rotor held",
                 self.slowest, self.fastest,
             ),
-            shape("damping", "-", "damping ratio of the second inertia, rotor held", 0.002, 2.0),
+            shape("damping", "-", "damping ratio of the second inertia, rotor held", 0.002, 1.0),
             Parameter(
                 "hardening", "-",
                 f"relative increase of the stiffness at {self.torque_size:.4g} N m", scale=0.1,

@@ -32,12 +32,21 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from identification.arrays import Array
-from identification.fit.solve import Fit, TerminationLimits, solve
+from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
+from identification.model.composite import MotorModel
 from identification.model.excitation import Record, sample_interval
 from identification.model.simulate import Simulator
 from identification.model.term import AbstractTerm
 
-__all__ = ["block_edges", "block_products", "path_size", "retracked", "tracked"]
+__all__ = [
+    "block_edges",
+    "block_products",
+    "is_tracked",
+    "path_size",
+    "retracked",
+    "shortened",
+    "tracked",
+]
 
 _COARSE: Final = 0.5
 """Variance of the phase error within a block whose phase is unknown [rad^2]."""
@@ -57,6 +66,11 @@ _FEWEST: Final = 10
 """Samples of a block at least."""
 _PASSES: Final = 3
 """Corrections of the angle; the phase errors of a pass are those that the previous one left."""
+_SHORT: Final = 3
+"""Steps of a fit between two corrections: at wrong angles, further steps only move the parameters
+to what the wrong phases require."""
+_CORRECTIONS: Final = 12
+"""Alternations of correction and fit at most."""
 
 
 def tracked(
@@ -103,17 +117,33 @@ def tracked(
 
 
 def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
-    """The fit with the angles tracked at its optimum, or the fit itself if that is no better."""
-    for _ in range(_PASSES):
+    """The fit with the angles tracked at its optimum, or the fit itself if that is no better.
+
+    Angles and parameters depend on each other: corrections and short fits alternate until a
+    correction gains nothing.  A fit that changed is then continued to its optimum.
+    """
+    first, few = fit, shortened(limits)
+    for _ in range(_CORRECTIONS):
         simulator, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
         if simulator is fit.simulator:
             break
         weighting = replace(fit.weighting, records=simulator.records)
-        other = solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
+        other = solve(simulator, fit.coordinates, fit.position, states, weighting, few)
         if not other.cost < fit.cost - _ENOUGH * float(fit.weighting.counts.sum()):
             break
         fit = other
-    return fit
+    return fit if fit is first else renewed(continued(fit, limits), limits)
+
+
+def shortened(limits: TerminationLimits | None) -> TerminationLimits:
+    """The limits with the few steps that are worth taking before the angles are corrected."""
+    limits = limits or TerminationLimits()
+    return replace(limits, steps=min(_SHORT, limits.steps))
+
+
+def is_tracked(model: MotorModel) -> bool:
+    """Whether a term of the model depends on an angle that is corrected by tracking."""
+    return any(term.tracked for term in model.terms)
 
 
 def block_edges(record: Record, order: float, speed_noise: float) -> NDArray[np.int64]:

@@ -77,7 +77,9 @@ def _confirmed(declared: Fit, found: Outcome, trials: Trials) -> tuple[Fit, tupl
     if not found.effects:
         return declared, ()
     trials.evaluate(declared)
-    current = trials.evaluate(fitted_to(declared.simulator.records, found.fit, trials.limits()))
+    # The model of the result is fitted whether or not the search has left operations for it.
+    limits = replace(trials.limits(), budget=Budget())
+    current = trials.evaluate(fitted_to(declared.simulator.records, found.fit, limits))
     kept: list[Found] = []
     for effect in found.effects:
         term = next(t for t in current.fit.simulator.model.terms if t.name == effect.name)

@@ -66,3 +66,10 @@ def test_a_springy_shaft_is_not_called_backlash() -> None:
     outcome = search(fit_declared(campaign.training, "zoh"), campaign)
 
     assert [found.name for found in outcome.effects] == ["shaft_compliance"]
+
+
+def test_a_joint_that_cannot_oscillate_is_no_elastic_shaft() -> None:
+    """Above critical damping it only delays, like a fluid coupling, and would stand for any lag."""
+    damping = next(p for p in SHAFT.parameters if p.name == "damping")
+
+    assert damping.upper == pytest.approx(1.0)
