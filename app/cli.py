@@ -167,9 +167,12 @@ def predict(
     """Simulate the sensor readings of a run from its voltage and temperature.
 
     Writes columns time_s,current_A,speed_rad_s with one row per sample.  The measured current and
-    speed are used for the initial state only.
+    speed are used for the initial state only.  A run that leaves the range of the fitted runs has a
+    remark on standard error.
     """
+    from app.commands.console import remark
     from app.commands.files import read_result, writable_file
+    from identification.extrapolation import extrapolation
     from identification.ingest import read_run
     from identification.result.atomic import write_text
 
@@ -180,6 +183,8 @@ def predict(
 
         table = simulate(content, measured, declared)
         write_text(out, table.to_csv(index=False, lineterminator="\n"))
+    if beyond := extrapolation(content, measured, table):
+        remark(beyond)
 
 
 @app.command(cls=SeveralWords)

@@ -37,6 +37,8 @@ class Prediction:
     plot: Mapping[str, Any]
     """Samples to plot: ``time``, and ``speed`` and ``current`` as pairs of measured and simulated
     values; null where a sample has none."""
+    remarks: tuple[str, ...] = ()
+    """Limits of the numbers, in words."""
 
 
 @dataclass(frozen=True)

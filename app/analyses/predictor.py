@@ -26,6 +26,7 @@ from identification.design import (
     task_of_result,
 )
 from identification.errors import IdentificationError
+from identification.extrapolation import extrapolation
 from identification.ingest import Limits, Run, read_run
 from identification.prediction import predict
 from identification.reporting.columns import extremes
@@ -120,8 +121,10 @@ def _summary(run: Run, prediction: pd.DataFrame, result: dict[str, Any]) -> dict
         ],
         _BUCKETS,
     )
+    beyond = extrapolation(result, run, prediction)
     return {
         "rows": run.rows,
+        "remarks": [beyond] if beyond else [],
         "errors": {
             "current": _errors(traces, "current", noise.get("current_A")),
             "speed": _errors(traces, "speed", noise.get("speed_rad_s")),

@@ -134,6 +134,8 @@ class PredictionOut(Documented):
     rows: int
     errors: dict[str, ErrorOut]
     """For `current` and `speed`."""
+    remarks: list[str]
+    """Limits of the numbers, in words."""
     links: dict[str, str]
     """`table` is the simulation as CSV."""
 
@@ -147,6 +149,7 @@ class PredictionOut(Documented):
             declared=declared,
             rows=prediction.rows,
             errors={name: ErrorOut(**found) for name, found in prediction.errors.items()},
+            remarks=list(prediction.remarks),
             links={"self": f"{own}{query}", "table": f"{own}.csv{query}"},
         )
 

@@ -133,7 +133,7 @@ def prediction_view(name: str, prediction: Prediction) -> dict[str, Any]:
             }
         )
     figures = [figure(f"predicted {channel}", drawn, channel) for channel in ("speed", "current")]
-    return {"figures": figures, "rows": rows}
+    return {"figures": figures, "rows": rows, "remarks": prediction.remarks}
 
 
 def design_view(design: Design) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import io
 import json
 import re
@@ -234,6 +235,21 @@ def test_predicted_training_run_has_the_error_of_the_fit(bench: Bench) -> None:
         expected = result["errors"]["after"]["training"][channel]
         for name in ("rmse", "nrmse", "noise_ratio"):
             assert answer["errors"][channel][name] == pytest.approx(expected[name], rel=0.01)
+
+
+def test_run_hotter_than_the_fitted_one_is_an_extrapolation(bench: Bench) -> None:
+    """The answer and the page say so; the training run itself has no remark."""
+    fitted, hotter = (
+        bench.http.get(f"/api/v1/fits/{bench.first}/predictions/{run}").json()["remarks"]
+        for run in bench.runs[:2]
+    )
+    page = bench.http.get(f"/fits/{bench.first}/prediction", params={"run": bench.runs[1]})
+
+    assert fitted == []
+    (remark,) = hotter
+    assert "leaves the range of the fitted runs" in remark
+    assert "temperature 70.0 to 102 °C, fitted 25.0 to 56.4 °C" in remark
+    assert f"{remark}." in html.unescape(page.text)
 
 
 @pytest.mark.parametrize("declared", [False, True])

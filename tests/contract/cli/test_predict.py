@@ -70,6 +70,22 @@ def test_prediction_uses_current_and_speed_for_the_start_only(
         )
 
 
+def test_run_beyond_the_fitted_range_is_predicted_with_a_remark(
+    fitted: Path, run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Twice the voltage is an extrapolation; a training run is none."""
+    words = ["predict", str(fitted / "result.json"), str(run_files[0])]
+
+    assert main([*words, "--out", str(tmp_path / "a.csv")]) == 0
+    own = capsys.readouterr().err
+    double = ["--map", "voltage_V=voltage_V * 2"]
+    assert main([*words, "--out", str(tmp_path / "b.csv"), *double]) == 0
+    beyond = capsys.readouterr().err
+
+    assert "range of the fitted runs" not in own
+    assert f"{run_files[0].name} leaves the range of the fitted runs (voltage " in beyond
+
+
 def test_prediction_replaces_an_older_one(
     fitted: Path, run_files: list[Path], tmp_path: Path
 ) -> None:
