@@ -220,7 +220,7 @@ def _filter_scan(structure: Structure) -> Scan:
             ca.SX(0, 1),
         ],
     )
-    return scan_of(step)
+    return scan_of(step, effort="some")
 
 
 def likelihood(deviation: Deviation, pieces: Sequence[Piece], hyper: Array) -> Likelihood:

@@ -98,7 +98,7 @@ def _passes(
     structure = deviation.structure
     symbols, columns = Symbols(structure), 1 + structure.tangents
     parameters = np.concatenate([np.repeat(hyper, columns, axis=1), np.eye(columns)])
-    forward, backward = scan_of(_forward(structure)), scan_of(_backward(structure))
+    forward, backward = (scan_of(f(structure), effort="some") for f in (_forward, _backward))
     size = len(symbols.triangle)
     packed = [started(deviation, piece, hyper) for piece in pieces]
     means = np.zeros((symbols.size, columns))

@@ -61,6 +61,10 @@ _WIDE: Final = max(LANES, 2 * vector_width())
 _DURATION: Final = 1.5
 """Duration of a step in a wide block over that in a narrow one, at most."""
 
+_OFTEN: Final = 20
+"""Passes in narrow blocks before a loop is compiled for wide ones, which takes several times longer
+than for narrow ones: a ranking of starting points is one pass, a sampler thousands."""
+
 _ARGUMENTS: Final = (
     ctypes.c_int64,  # steps
     ctypes.c_int64,  # lanes, padded: the stride between rows of parameters, carry and outputs
@@ -106,6 +110,7 @@ class Scan:
         self._preparation = _COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
         self._source, self._effort, self._key = (step, prepare), effort, key
         self._kernels: dict[tuple[Level | None, int], Loaded | Interpreted] = {}
+        self._suited = 0
 
     def _form(self, rows: int) -> Level | None:
         """Form of the loop for a pass over `rows` rows: a level of code, or None if interpreted."""
@@ -130,13 +135,16 @@ class Scan:
         """Lanes of a block for records with so many lanes, wide if these end before narrow ones.
 
         Each thread takes one block after the other.  Wide code takes much longer to compile, so
-        only the loops of a sampler use it.  The results of a lane are the same.
+        only loops that have run often use it.  The results of a lane are the same.
         """
         if form != 2 or self._effort != "most":
             return LANES
         blocks = [sum(-(-each // width) for each in lanes) for width in (_WIDE, LANES)]
         wide, narrow = (-(-number // threads()) for number in blocks)
-        return _WIDE if _DURATION * wide < narrow else LANES
+        if not _DURATION * wide < narrow:
+            return LANES
+        self._suited += 1
+        return _WIDE if self._suited > _OFTEN else LANES
 
     def _check_prepared(self, prepare: ca.Function) -> None:
         found = (prepare.size1_in(1), prepare.size1_out(1), self.n_output)
