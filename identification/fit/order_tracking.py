@@ -58,6 +58,8 @@ lowers an average amplitude by half a per cent."""
 _ENOUGH: Final = 1e-4
 """Gain per sample below which another correction of the angles is not worth its fit [log
 likelihood]: the residual changes by a ten-thousandth."""
+_ROUGHLY: Final = 1e-3
+"""The same for corrections between short fits, which a fit to the optimum follows."""
 _STEP: Final = 0.01
 """Step of the finite differences, relative to the scale of the torque or one radian [-]."""
 _NO_RESPONSE: Final = 1e-12
@@ -119,20 +121,29 @@ def tracked(
 def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     """The fit with the angles tracked at its optimum, or the fit itself if that is no better.
 
-    Angles and parameters depend on each other: corrections and short fits alternate until a
-    correction gains nothing.  A fit that changed is then continued to its optimum.
+    Angles and parameters depend on each other: corrections alternate with short fits until one
+    gains hardly anything, before the fit to the optimum.
     """
-    first, few = fit, shortened(limits)
-    for _ in range(_CORRECTIONS):
+    roughly = _alternated(fit, shortened(limits), _CORRECTIONS, _ROUGHLY)
+    if roughly is fit:
+        return _alternated(fit, limits, _PASSES, _ENOUGH)
+    found = _alternated(roughly, limits, 1, _ENOUGH)
+    return renewed(continued(found, limits), limits) if found is roughly else found
+
+
+def _alternated(fit: Fit, limits: TerminationLimits | None, corrections: int, enough: float) -> Fit:
+    """The fit after corrections of the angles, each followed by a refit that gains enough."""
+    least = enough * float(fit.weighting.counts.sum())
+    for _ in range(corrections):
         simulator, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
         if simulator is fit.simulator:
             break
         weighting = replace(fit.weighting, records=simulator.records)
-        other = solve(simulator, fit.coordinates, fit.position, states, weighting, few)
-        if not other.cost < fit.cost - _ENOUGH * float(fit.weighting.counts.sum()):
+        other = solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
+        if not other.cost < fit.cost - least:
             break
         fit = other
-    return fit if fit is first else renewed(continued(fit, limits), limits)
+    return fit
 
 
 def shortened(limits: TerminationLimits | None) -> TerminationLimits:
