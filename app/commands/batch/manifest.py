@@ -29,6 +29,8 @@ from os.path import lexists
 from pathlib import Path
 from typing import Any, Final
 
+import yaml
+
 from app.commands.batch.options import Place, option_of, options_with
 from identification.errors import InputError, UnreadableFile
 from identification.label import Label
@@ -47,6 +49,7 @@ _RESERVED: Final = frozenset(
 )
 _LONGEST_TYPE: Final = 100
 _LARGEST_BYTES: Final = 20_000_000
+_LONGEST_SCALAR: Final = 10_000
 
 
 @dataclass(frozen=True)
@@ -141,12 +144,8 @@ def _of_csv(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, 
 
 
 def _of_yaml(text: str, path: Path, defaults: FitOptions) -> Iterator[tuple[int, Motor]]:
-    import yaml
-
-    from app.commands.batch.yaml_loader import ManifestLoader
-
     try:
-        content = yaml.load(text, ManifestLoader)  # noqa: S506  subclass of the safe loader
+        content = yaml.load(text, _Loader)  # noqa: S506  subclass of the safe loader
     except (AttributeError, OverflowError, RecursionError, ValueError, yaml.YAMLError) as error:
         # YAML constructors pass on Python's own errors for malformed numbers and dates.
         mark = getattr(error, "problem_mark", None)
@@ -257,3 +256,37 @@ def _mapping(value: object, place: Place) -> Mapping[str, Any]:
     if isinstance(value, Mapping):
         return value
     raise place.at("options").wrong(f"is {str(value)[:60]!r}; expected option names with values")
+
+
+class _Loader(yaml.SafeLoader):
+    """Loader that rejects aliases, very long scalars and duplicate keys with their line.
+
+    Nested aliases in a few lines can expand beyond any memory.  A base-60 integer such as
+    ``1:1:1`` takes a conversion time quadratic in its length.  Of two equal keys, PyYAML silently
+    keeps the last.
+    """
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Compose the next node; reject aliases and very long scalars."""
+        event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent):
+            raise _fault("has an alias; expected each value written out", event)
+        if isinstance(event, yaml.ScalarEvent) and len(event.value) > _LONGEST_SCALAR:
+            raise _fault(f"has a value of more than {_LONGEST_SCALAR} characters", event)
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Construct a mapping; reject duplicate keys."""
+        found = set()
+        for key_node, _ in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                continue
+            key = self.construct_object(key_node)
+            if key in found:
+                raise _fault(f"has the key {str(key)[:60]!r} twice; expected it once", key_node)
+            found.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def _fault(problem: str, place: yaml.Event | yaml.Node) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(None, None, problem, place.start_mark)  # type: ignore[arg-type]
