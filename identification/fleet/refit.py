@@ -1,6 +1,6 @@
 """Extract of one result.json that the fleet table and the fleet page compare.
 
-refit = refit_of("pump-17", "fitted", result, fit="DIR/pump-17", ended_at="2026-11-21T12:00:00Z")
+refit = refit_of("pump-17", "fitted", result)
 refit.estimates["Ra25"].median
 """
 
@@ -112,16 +112,7 @@ class Refit:
     """Posterior correlation of two parameters or sizes; empty if unknown."""
 
 
-def refit_of(
-    motor: str,
-    status: str,
-    result: Mapping[str, Any],
-    *,
-    fit: str = "",
-    ended_at: str | None = None,
-    link: str = "",
-    motor_type: str = "",
-) -> Refit:
+def refit_of(motor: str, status: str, result: Mapping[str, Any]) -> Refit:
     """Extract the compared parts of a result; absent members count as unknown."""
     parameters = result.get("parameters") or {}
     after = (result.get("errors") or {}).get("after") or {}
@@ -145,11 +136,7 @@ def refit_of(
             for run in result.get("runs") or ()
             if run.get("role") == "training" and run.get("sha256")
         ),
-        fit=fit,
-        ended_at=ended_at,
         warnings=tuple(str(warning) for warning in result.get("warnings") or ()),
-        link=link,
-        type=motor_type,
         sizes=dict(
             _size(effect)
             for effect in effects

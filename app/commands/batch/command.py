@@ -16,6 +16,7 @@ import fcntl
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -179,14 +180,12 @@ class _Batch:
             return False
         result, ended_at = found
         name = job.motor.name
-        refit = refit_of(
-            name,
-            status,
-            result,
+        refit = replace(
+            refit_of(name, status, result),
             fit=name,
             ended_at=ended_at,
             link=f"{name}/report.html",
-            motor_type=job.motor.type,
+            type=job.motor.type,
         )
         self._found[name] = compared_with(refit, previous_refit(name, job.out))
         return True

@@ -15,7 +15,7 @@ import json
 import re
 import stat
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -109,7 +109,8 @@ def previous_refit(motor: str, out: Path) -> Refit | None:
                 entry = json.load(file)
             result, record = entry["result"], entry["record"]
             place = f"{motor}/{_HISTORY}/{path.name}"
-            return refit_of(motor, "fitted", result, fit=place, ended_at=record.get("ended_at"))
+            refit = refit_of(motor, "fitted", result)
+            return replace(refit, fit=place, ended_at=record.get("ended_at"))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             # Not a history file of this program; try the next older file.
             continue
