@@ -27,7 +27,7 @@ from app.identifiers import is_id
 from identification.errors import InputError, OptionError
 from identification.result.atomic import sync
 
-__all__ = ["DATABASE", "SUMS", "AbstractTarget", "copied", "is_name", "opened", "target"]
+__all__ = ["DATABASE", "SUMS", "AbstractTarget", "is_name", "opened", "stored", "target"]
 
 DATABASE = "motorid.sqlite3"
 SUMS = "SHA256SUMS"
@@ -53,12 +53,16 @@ def is_name(name: str) -> bool:
     return False
 
 
-def copied(source: BinaryIO, into: BinaryIO) -> str:
-    """Copy all bytes and return their SHA-256."""
+def stored(path: Path, source: BinaryIO) -> str:
+    """Write all bytes to a new file and to the disk, and return their SHA-256."""
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     digest = hashlib.sha256()
-    while block := source.read(_BLOCK_BYTES):
-        digest.update(block)
-        into.write(block)
+    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as into:
+        while block := source.read(_BLOCK_BYTES):
+            digest.update(block)
+            into.write(block)
+        into.flush()
+        os.fsync(into.fileno())
     return digest.hexdigest()
 
 
@@ -85,13 +89,7 @@ class _Folder(AbstractTarget):
         directory.mkdir(parents=True, exist_ok=True, mode=0o700)
 
     def add(self, name: str, source: BinaryIO) -> str:
-        path = self._directory / name
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with path.open("xb") as write:
-            digest = copied(source, write)
-            write.flush()
-            os.fsync(write.fileno())
-        return digest
+        return stored(self._directory / name, source)
 
     def finish(self, sums: str) -> None:
         (self._directory / SUMS).write_text(sums, encoding="ascii")

@@ -21,7 +21,7 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from app.backup.archive import DATABASE, SUMS, copied, is_name, opened
+from app.backup.archive import DATABASE, SUMS, is_name, opened, stored
 from app.backup.create import database_file, summary_of
 from app.fits.outputs import expected_outputs
 from app.identifiers import Kind, is_id
@@ -125,12 +125,7 @@ def _fill(directory: Path, backup: Path) -> str:
             if name == SUMS:
                 sums = _read_sums(file.read(_LONGEST_SUMS), backup)
                 continue
-            path = directory / name
-            path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as write:
-                found[name] = copied(file, write)
-                write.flush()
-                os.fsync(write.fileno())
+            found[name] = stored(directory / name, file)
     if sums is None:
         raise InputError(
             f"has no {SUMS}, so it is incomplete; use another backup", file=str(backup)
