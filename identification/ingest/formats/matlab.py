@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import math
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,7 @@ from identification.errors import DamagedFile, FileTooLarge
 from identification.ingest.display import plain
 from identification.ingest.file import RunFile
 from identification.ingest.formats.library import decoding, imported
-from identification.ingest.formats.tree import Leaf, Node, Opaque, tables_of
+from identification.ingest.formats.tree import Leaf, Node, Opaque, number_of, tables_of
 from identification.ingest.reader import TableSet
 
 __all__ = ["MatlabReader", "decoded", "has_objects", "node_of", "text_of"]
@@ -277,8 +278,8 @@ def _timeseries(nodes: Mapping[str, Node]) -> Node:
     if factor is None:
         return ""
     if not isinstance(time, Leaf) or not time.length:
-        start, step, count = (_scalar(about.get(k)) for k in ("Start", "Increment", "Length"))
-        if start is None or step is None or not step > 0.0 or count != data.length:
+        start, step, count = (number_of(about.get(k)) for k in ("Start", "Increment", "Length"))
+        if math.isnan(start) or not step > 0.0 or count != data.length:
             return ""
         seconds = (start + np.arange(data.length) * step) * factor
     else:
@@ -295,9 +296,3 @@ def _has_samples(node: Node) -> bool:
     if isinstance(node, Mapping):
         return any(map(_has_samples, node.values()))
     return isinstance(node, list) and any(map(_has_samples, node))
-
-
-def _scalar(node: Node | None) -> float | None:
-    if isinstance(node, Leaf) and int(np.prod(node.shape)) == 1:
-        return float(np.asarray(node.load(), dtype=np.float64).ravel()[0])
-    return None

@@ -23,7 +23,7 @@ from identification.ingest.formats.cells import ColumnTable, numbers, refuse_lar
 from identification.ingest.formats.clocks import Signal, SignalTable, joined
 from identification.ingest.reader import SourceTable, TableSet
 
-__all__ = ["Leaf", "Node", "Opaque", "tables_of"]
+__all__ = ["Leaf", "Node", "Opaque", "number_of", "tables_of"]
 
 _TOP: Final = "workspace"
 _MOST_NODES = 100_000
@@ -208,7 +208,7 @@ def _clock(
     node: Mapping[str, Node], keys: Mapping[str, str], vectors: Mapping[str, Leaf]
 ) -> dict[str, Leaf]:
     """Times of vectors of one length, from the start and the interval [s] that PicoScope stores."""
-    step, start = (_number(node.get(keys.get(key, ""))) for key in ("tinterval", "tstart"))
+    step, start = (number_of(node.get(keys.get(key, ""))) for key in ("tinterval", "tstart"))
     lengths = {vector.length for vector in vectors.values()}
     if not step > 0.0 or "time" in keys or len(lengths) != 1:
         return {}
@@ -217,7 +217,7 @@ def _clock(
     return {"time": Leaf((length,), lambda: first + step * np.arange(length), "s")}
 
 
-def _number(node: Node | None) -> float:
+def number_of(node: Node | None) -> float:
     """Value of a number; NaN for anything else."""
     if isinstance(node, Leaf) and int(np.prod(node.shape)) == 1:
         return float(np.ravel(np.asarray(node.load(), dtype=np.float64))[0])
