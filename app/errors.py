@@ -6,6 +6,7 @@
     ├── RequestRefused         the request is at fault
     │   ├── BadRequest         malformed request
     │   ├── BadKey             missing or invalid API key
+    │   ├── NotOwner           key that may not manage keys
     │   ├── CrossSite          request sent by a page of another site
     │   ├── BodyTooLarge       body larger than the limit
     │   ├── BodyTooSlow        body stalled, or incomplete at its deadline
@@ -50,6 +51,7 @@ __all__ = [
     "KeyReused",
     "NotAcceptable",
     "NotFound",
+    "NotOwner",
     "NotReady",
     "QuotaExceeded",
     "RangeOutside",
@@ -174,16 +176,13 @@ class RunRefused(RequestRefused, code="run_file"):
 class TooManyRequests(ServiceError, code="rate_limited"):
     """Rate limit of a key exceeded; the next call is accepted after `retry_after_s` [s]."""
 
-    def __init__(self, message: str, retry_after_s: float) -> None:
+    def __init__(self, message: str, retry_after_s: float = 10.0) -> None:
         self.retry_after_s = retry_after_s
         super().__init__(message)
 
 
 class TooManyStreams(TooManyRequests, code="too_many_streams"):
     """Too many open event streams of a key."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(message, retry_after_s=10.0)
 
 
 class TooManyUploads(TooManyRequests, code="too_many_uploads"):

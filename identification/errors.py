@@ -19,6 +19,7 @@ from typing import ClassVar
 
 __all__ = [
     "AbsurdValue",
+    "AmbiguousAngle",
     "AmbiguousColumn",
     "AmbiguousTable",
     "AmbiguousUnit",
