@@ -1,6 +1,7 @@
-"""Torque or voltage that is periodic in time, as a Fourier series per record.
+"""Ripples: torque or voltage that is periodic in time, and ripple of a speed sensor over the angle.
 
-The amplitudes are free in each record, since the phase at the start of a run is unknown.
+The amplitudes of a ripple in time are free in each record, since the phase at the start of a run is
+unknown.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ import numpy as np
 from identification.arrays import Array
 from identification.effects.effect import AbstractForced, CampaignScales, Candidate
 from identification.effects.parameters import amplitude, columns
+from identification.effects.periodic import AbstractPeriodic
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import (
+    AbstractSensor,
     AbstractTorque,
     AbstractVoltage,
     Expression,
@@ -25,7 +28,7 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["MissingTorqueRipple", "MissingVoltageRipple"]
+__all__ = ["MissingTorqueRipple", "MissingVoltageRipple", "SpeedRipple"]
 
 _HARMONICS: Final = 3
 
@@ -142,3 +145,45 @@ class MissingVoltageRipple(_Ripple, AbstractVoltage):
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         return self._missing(signals, states, values)
+
+
+@dataclass(frozen=True)
+class SpeedRipple(AbstractPeriodic, AbstractSensor):
+    """Gain of the speed sensor that is periodic in the shaft angle phi.
+
+        logged speed = w (1 + sum_h A_h sin(h k phi) + B_h cos(h k phi))    [rad/s]
+
+    The commutator of a tachogenerator has as many periods per revolution as segments, an eccentric
+    encoder disc has one.  The ripple grows with the speed, and the current has no part in it; that
+    of a torque falls with the speed, because the inertia filters it.
+    """
+
+    ratio: float
+    """Scale of the amplitudes [-]."""
+
+    name = "unlisted"
+    amplitude_scale = "ratio"
+    unit = "-"
+    equation = "sensor"
+    drivers = ("speed", "position")
+    channel = "speed"
+    source = (
+        "Doebelin, Measurement Systems, 5th edition, section 4.8 (ripple of a tachometer generator)"
+    )
+
+    @property
+    def size(self) -> float:
+        return self.ratio
+
+    @property
+    def variant(self) -> str:
+        return f"ripple of the speed sensor over the shaft angle, {super().variant}"
+
+    def reading(
+        self, before: Expression, signals: Signals, states: Values, values: Values
+    ) -> Expression:
+        return before * (1 + self.wave(signals, states, values))
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        return cls._scanned(scales, cls(1.0))

@@ -14,7 +14,7 @@ from identification.ingest.run import Run
 from identification.selection.outcome import Outcome
 from identification.selection.search import search
 from identification.surrogates.entry import term_of
-from identification.surrogates.speed_ripple import SpeedRipple
+from identification.surrogates.ripple import SpeedRipple
 
 ROWS, INTERVAL = 2000, 1e-3
 TEMPERATURES = (30.0, 65.0, 100.0, 50.0)
