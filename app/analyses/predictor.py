@@ -46,18 +46,16 @@ def handle(task: dict[str, Any], answer: int) -> None:
     """Predict a run and report its errors.
 
     Args:
-        task: `path`, `name`, `mapping`, `max_rows`, `limits` of the run; `result` as in
-            result.json; `declared` for the nominal model; `has_table` to send the table.  For a
-            design, `design` holds the options, and there is a result or a nameplate, but no run.
-            For a tuning, `tuning` holds the options of `tune`, and there are `draws`, a
-            `specification` and a result.
+        task: `kind`, `limits`, and `result` as in result.json.  For a prediction, `path`, `name`,
+            `mapping` and `max_rows` of the run, `declared` for the nominal model, and `has_table`
+            to send the table.  For a design, its `options`, and a `nameplate` in place of a result.
+            For a tuning, the `options` of `tune`, `draws` and a `specification`.
         answer: Write end of the pipe to the server.
     """
     confine(ProcessLimits(**task["limits"]))
     answers = Answers(answer)
     try:
-        computed = {"design": _design, "tuning": _tune}
-        next((f for name, f in computed.items() if name in task), _predict)(task, answers)
+        _COMPUTED[task["kind"]](task, answers)
     except IdentificationError as error:
         answers.send({"error": {"detail": str(error)}})
     except MemoryError:
@@ -74,7 +72,7 @@ def _predict(task: dict[str, Any], answers: Answers) -> None:
 
 
 def _design(task: dict[str, Any], answers: Answers) -> None:
-    options = DesignOptions(**task["design"])
+    options = DesignOptions(**task["options"])
     if task["result"] is None:
         motor = task_of_nameplate(task["nameplate"], options)
     else:
@@ -88,7 +86,7 @@ def _design(task: dict[str, Any], answers: Answers) -> None:
 
 def _tune(task: dict[str, Any], answers: Answers) -> None:
     motor = motor_of(task["draws"], task["result"])
-    found = tune(motor, parse_specification(task["specification"]), **task["tuning"])
+    found = tune(motor, parse_specification(task["specification"]), **task["options"])
     answers.send({"tuning": finite_or_null(found)})
 
 
@@ -143,3 +141,6 @@ def _errors(traces: RunTraces, channel: str, noise: float | None) -> dict[str, f
         return {"rmse": None, "nrmse": None, "noise_ratio": None}
     ratio = found.rmse / noise if noise else None
     return {"rmse": found.rmse, "nrmse": found.nrmse, "noise_ratio": ratio}
+
+
+_COMPUTED = {"prediction": _predict, "design": _design, "tuning": _tune}

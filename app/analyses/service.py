@@ -6,6 +6,7 @@ reload and can be shared by its address.
 
 from __future__ import annotations
 
+import io
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -90,9 +91,14 @@ class AnalysisService:
         parse_specification(specification)  # Refuses here what the process would refuse later.
         fit = self.succeeded(caller, fit_id)
         with self._turn():
-            found = self._predictor.tune(
-                self._draws(caller, fit, draws), fit.result or {}, specification, options, is_wanted
-            )
+            motors = self._draws(caller, fit, draws)
+            task = {
+                "draws": {name: values.tolist() for name, values in motors.items()},
+                "result": fit.result or {},
+                "specification": specification,
+                "options": options,
+            }
+            found = self._predictor.answer("tuning", "the tuning", task, is_wanted)
         return found, () if fit.has_posterior else (APPROXIMATE,)
 
     def loop(
@@ -153,15 +159,17 @@ class AnalysisService:
                 f"the stored run {run.id} is missing or damaged; upload {run.file} again to "
                 "restore it"
             )
+        task = {
+            "path": str(self._storage.run(run.id)),
+            "name": run.file,
+            "mapping": run.mapping,
+            "result": fit.result or {},
+            "declared": declared,
+            "has_table": table is not None,
+        }
         with self._turn():
-            return run, self._predictor.predict(
-                run,
-                self._storage.run(run.id),
-                fit.result or {},
-                declared=declared,
-                table=table,
-                is_wanted=is_wanted,
-            )
+            found = self._predictor.answer("prediction", run.file, task, is_wanted, table)
+        return run, Prediction(**found)
 
     def prediction_table(
         self, caller: Caller, fit_id: str, run_id: str, **options: Any
@@ -201,8 +209,11 @@ class AnalysisService:
 
         DesignOptions(**options)  # Refuses here what the process would refuse later.
         result = None if fit_id is None else self.succeeded(caller, fit_id).result or {}
+        task = {"options": options, "nameplate": nameplate, "result": result}
+        table = io.BytesIO()
         with self._turn():
-            return self._predictor.design(options, nameplate, result, is_wanted)
+            entry = self._predictor.answer("design", "the next run", task, is_wanted, table)
+        return Design(entry, table.getvalue().decode())
 
     def succeeded(self, caller: Caller, fit_id: str) -> StoredFit:
         """Succeeded fit with its result."""

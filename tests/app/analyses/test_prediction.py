@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import signal
-from pathlib import Path
 from typing import Any, cast
 
 import pytest
@@ -13,9 +12,7 @@ from app.analyses.prediction import Predictor
 from app.errors import BadRequest, RunRefused, Unavailable
 from app.fork_server.child import ProcessLimits
 from app.fork_server.client import ForkServer, Task
-from app.tables import RunRow
 
-RUN = RunRow(id="run_x", file="a.csv", mapping=None)
 ERRORS = {"rmse": 0.1, "nrmse": 0.01, "noise_ratio": 1.0}
 FOUND = {"rows": 3, "errors": {"current": ERRORS, "speed": ERRORS}, "plot": {"time": [0.0]}}
 
@@ -49,6 +46,11 @@ class Starting(ForkServer):
         return cast(Task, self._task)
 
 
+def always() -> bool:
+    """Return True: the answer is wanted."""
+    return True
+
+
 def predictor(*messages: dict[str, Any]) -> Predictor:
     """Predictor whose process sends these messages."""
     limits = ProcessLimits(2_000_000_000, cpu_s=60, wall_s=120.0)
@@ -60,12 +62,11 @@ def test_rows_of_all_messages_are_written_in_order() -> None:
     rows = ({"table": "0,1,2\n"}, {"table": "1,,\n"}, {"prediction": FOUND}, {"exit": 0})
     table = io.BytesIO()
 
-    found = predictor(*rows).predict(RUN, Path("a"), {}, declared=False, table=table)
-    without = predictor(*rows).predict(RUN, Path("a"), {}, declared=False)
+    found = predictor(*rows).answer("prediction", "a.csv", {}, always, table)
+    without = predictor(*rows).answer("prediction", "a.csv", {}, always)
 
     assert table.getvalue() == b"0,1,2\n1,,\n"
-    assert found == without
-    assert found.errors["current"]["rmse"] == 0.1
+    assert found == without == FOUND
 
 
 @pytest.mark.parametrize(
@@ -84,7 +85,7 @@ def test_end_without_a_prediction_has_a_reason(
 ) -> None:
     """A limit names the command that has none."""
     with pytest.raises(error, match=words):
-        predictor(message).predict(RUN, Path("a"), {}, declared=False)
+        predictor(message).answer("prediction", "a.csv", {}, always)
 
 
 def test_computation_that_nobody_waits_for_is_killed() -> None:
@@ -94,6 +95,6 @@ def test_computation_that_nobody_waits_for_is_killed() -> None:
     made = Predictor(Starting(task), ProcessLimits(2_000_000_000, cpu_s=60, wall_s=120.0), 1000)
 
     with pytest.raises(BadRequest, match="the client disconnected"):
-        made.predict(RUN, Path("a"), {}, declared=False, is_wanted=lambda: next(looks))
+        made.answer("prediction", "a.csv", {}, lambda: next(looks))
 
     assert task.was_killed
