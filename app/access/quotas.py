@@ -27,7 +27,6 @@ class Quotas:
     stored_bytes: int = 0
     """Total size of its run files [bytes]."""
     runs: int = 0
-    """Number of runs."""
     waiting_fits: int = 0
     """Number of fits that have not started."""
 

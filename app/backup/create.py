@@ -172,11 +172,7 @@ class _Files:
                 )
 
     def _add(self, name: str, path: Path) -> str | None:
-        """Copy a file and return its SHA-256, or None if it is missing.
-
-        Raises:
-            InputError: The file cannot be opened or is not a regular file.
-        """
+        """Copy a file, unless it is missing; return its SHA-256 or raise `InputError`."""
         try:
             source = open_regular(path)
         except (FileNotFoundError, NotADirectoryError):
@@ -191,11 +187,7 @@ class _Files:
             return self.into.add(name, source)
 
     def _strike(self, table: str, row_id: str, path: Path) -> None:
-        """Delete from the copy a row that was meanwhile deleted from the live database.
-
-        Raises:
-            InputError: The live database still has the row, so its file is lost.
-        """
+        """Delete a row from the copy, or raise `InputError` if the live database still has it."""
         query = f"SELECT 1 FROM {table} WHERE id = ?"  # noqa: S608  one of two names
         with contextlib.closing(sqlite3.connect(self.source, timeout=_BUSY_S)) as live:
             is_known = live.execute(query, (row_id,)).fetchone() is not None

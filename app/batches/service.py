@@ -48,7 +48,6 @@ class StoredBatch:
     counts: Mapping[str, int]
     """Number of its fits in each state."""
     fraction: float = 0.0
-    """Completed fraction of the batch."""
     fits: Sequence[FitRow] = ()
     """Its fits in order, if requested."""
 

@@ -155,7 +155,6 @@ def _owner_only() -> Iterator[None]:
 
 @contextmanager
 def _open_access(data_dir: Path | None) -> Iterator[AccessService]:
-    """Open the keys in the data directory."""
     # Local imports, here and below: the help of a command needs none of these.
     from sqlalchemy.exc import DatabaseError
 

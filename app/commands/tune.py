@@ -105,11 +105,7 @@ def tune(
 
 
 def _temperatures_of(words: Sequence[str]) -> list[float]:
-    """Temperatures of numbers and ranges ``LOW:HIGH``, which give five temperatures each [degC].
-
-    Raises:
-        OptionError: A word is neither.
-    """
+    """Temperatures of numbers and ranges ``LOW:HIGH``, which give five temperatures each [degC]."""
     temperatures: list[float] = []
     for word in words:
         try:

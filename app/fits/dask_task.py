@@ -86,7 +86,6 @@ def _is_wanted(worker: Worker, key: str) -> bool:
 
 
 def _fork_server(pipeline: str, worker: Worker) -> ForkServer:
-    """Fork server of this worker for a pipeline."""
     module = pipeline.partition(":")[0]
     with _lock:
         if module not in _fork_servers:

@@ -45,7 +45,6 @@ class FitJob:
     attempt: int
     """Number of this attempt, counted from 1."""
     directory: str
-    """Directory for the outputs."""
     training: tuple[RunFile, ...]
     """Training runs, in the order of recording."""
     validation: tuple[RunFile, ...]
@@ -56,7 +55,6 @@ class FitJob:
     checkpoint_s: float = 10.0
     """Minimum time between two checkpoints [s]."""
     threads: int = 1
-    """Number of threads that the job may use."""
     motor: str = ""
     """Name of the motor; empty if unknown."""
 

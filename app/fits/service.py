@@ -197,11 +197,7 @@ class FitService:
         return self._storage.attempt(row.id, row.attempt)
 
     def _lost(self, caller: Caller, row: FitRow, name: str, error: OSError) -> FileLost:
-        """Build the error for an output that cannot be read.
-
-        Raises:
-            NotFound: The fit was deleted in the meantime.
-        """
+        """Error for an output that cannot be read; raise `NotFound` if the fit was deleted."""
         # A fit is deleted before its files, so a missing file may mean a deleted fit.
         self.row(caller, row.id)
         state = f"is damaged ({error.strerror})"

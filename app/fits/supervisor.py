@@ -51,7 +51,6 @@ class Attempt:
 
     claim: Claim
     running: AbstractRunning
-    """The job on its engine."""
     began: float
     """Time of the start, on the monotonic clock [s]."""
     told: dict[str, Any] = field(default_factory=dict)

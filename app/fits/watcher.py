@@ -50,8 +50,6 @@ class _WatchedFit:
 
 @dataclass
 class _WatchedKey:
-    """An API key with listeners."""
-
     listeners: int = 0
     is_open: bool = True
 

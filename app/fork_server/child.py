@@ -45,7 +45,6 @@ class ProcessLimits:
     wall_s: float
     """Wall-clock time [s]."""
     files: int = 32
-    """Number of open files."""
 
     def exceeded(self, end: object) -> str:
         """Limit that ended a process with this exit code, in words; empty for another end."""

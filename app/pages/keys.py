@@ -87,11 +87,7 @@ def revoke(key_id: str, page: Page, services: ServicesDep, caller: CallerDep) ->
 
 
 def _check_owner(caller: Caller) -> None:
-    """Refuse a key that may not manage keys.
-
-    Raises:
-        NotOwner: The key belongs to no owner.
-    """
+    """Raise `NotOwner` for a key without an owner, which may not manage keys."""
     if not caller.is_owner:
         raise NotOwner(
             "this key does not manage keys; ask an owner of the workspace, or make one with "

@@ -47,7 +47,6 @@ class Upload:
     name: str
     """File name given by the caller, without directories."""
     sha256: str
-    """SHA-256 of the file, in hexadecimal."""
     size: int
     """Size of the file [bytes]."""
     fields: dict[str, str]

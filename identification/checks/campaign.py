@@ -213,7 +213,6 @@ class Admission:
     training: tuple[Run, ...]
     """Runs to fit."""
     validation: tuple[Run, ...]
-    """Validation runs."""
     findings: tuple[Finding, ...] = ()
     """Findings in the given runs, contradictions first."""
     set_aside: tuple[tuple[Run, str], ...] = ()

@@ -60,7 +60,6 @@ class Estimate:
     """Regression coefficients of one run."""
 
     run: Run
-    """The run."""
     resistance: float
     """At 25 degC with the coefficient of copper [ohm]."""
     resistance_error: float

@@ -46,11 +46,9 @@ class Finding:
     column: str | None
     """Canonical name of the channel, or None."""
     message: str
-    """Description of the fault."""
     statistic: str
     """Name of the deciding statistic."""
     value: float
-    """Its value."""
     limit: float
     """Limit that it was compared with."""
     corrections: tuple[str, ...] = ()

@@ -61,7 +61,6 @@ class Export:
     """Content of an exported file."""
 
     content: bytes
-    """The bytes."""
     remarks: tuple[str, ...] = ()
     """What the export does not hold, as sentences."""
 
@@ -74,7 +73,6 @@ class ExportFormat:
     """One format."""
 
     write: Writer
-    """Function that makes the file."""
     is_linear: bool = False
     """Whether the file holds linear models at temperatures, with samples of the parameters."""
 

@@ -123,11 +123,7 @@ def state_space(
 
 
 def _control() -> Any:
-    """The package python-control.
-
-    Raises:
-        OptionError: It is not installed.
-    """
+    """The package python-control; raise `OptionError` if it is not installed."""
     try:
         import control  # noqa: PLC0415
     except ImportError as error:

@@ -46,7 +46,6 @@ class Channel:
     name: str
     """Canonical name."""
     column: Column
-    """Source column."""
     unit: Unit
     """Unit of the cells after scale and offset."""
     scale: float = 1.0
@@ -196,11 +195,7 @@ def _supplied_column(title: str) -> Column:
 
 
 def _is_product(mapping: Mapping[str, ChannelMapping]) -> bool:
-    """Whether the mapping gives the voltage as duty and bus voltage.
-
-    Raises:
-        MappingError: It also gives the voltage itself.
-    """
+    """Whether a mapping gives the voltage as duty and bus voltage, without the voltage itself."""
     given = [name for name in FACTOR_QUANTITIES if name in mapping and mapping[name].is_given]
     if given and "voltage_V" in mapping:
         raise MappingError(

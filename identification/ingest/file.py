@@ -32,7 +32,6 @@ class Limits:
     rows: int = 50_000_000
     """Number of lines of a text file, else of samples."""
     columns: int = 1_000
-    """Number of columns of the table."""
     line_bytes: int = 1_000_000
     """Length of one line [bytes]; a line of twice this length is always rejected."""
 

@@ -34,7 +34,6 @@ class Samples:
     row: Callable[[int], int]
     """Function from sample index to row in the file: its line, or the row of its sheet."""
     warnings: tuple[RunWarning, ...] = ()
-    """Warnings about the file as a whole."""
     methods: Mapping[str, str] = field(default_factory=dict)
     """Channel name to ``linear`` or ``hold``, for channels brought to the clock of another one."""
 
@@ -87,7 +86,6 @@ class ArrayTable:
     """Source table in memory."""
 
     columns: Sequence[Column]
-    """Columns from left to right."""
     cells: Sequence[ArrayLike]
     """(n_sample,) for each column, NaN where the file has no value."""
     first_row: int = 1

@@ -147,7 +147,6 @@ class Run:
     name: str
     """File name as given by the user, without directories."""
     sha256: str
-    """SHA-256 of the file content, in hexadecimal."""
     time: Array
     """(n_sample,) strictly increasing [s]."""
     voltage: Array
@@ -168,7 +167,6 @@ class Run:
     held: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
     """Channel name to boolean (n_sample,), True where the value repeats that of the last update."""
     warnings: tuple[RunWarning, ...] = ()
-    """Warnings issued while reading."""
     sources: Mapping[str, Source] = field(default_factory=dict)
     """Channel name to source column; empty for a synthetic run."""
     direction: str | None = None

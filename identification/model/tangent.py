@@ -33,7 +33,6 @@ class TangentBlock:
     """Simulated readings of a block of samples of one record, and their derivatives."""
 
     record: int
-    """Index of the record."""
     start: int
     """Index of the block's first sample in the record."""
     lead: int

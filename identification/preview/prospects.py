@@ -82,7 +82,6 @@ class Prospect:
     value: float
     """Estimate from the segments [unit]."""
     unit: str
-    """Its unit."""
     sd: float
     """Standard deviation that a fit of all runs can reach; infinite if the runs contain no
     information on it [unit]."""

@@ -138,11 +138,7 @@ def _read(posterior: BinaryIO) -> dict[str, Array]:
 
 
 def _check_shapes(shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """Reject different numbers of draws, and more of them than a chain has.
-
-    Raises:
-        ValueError: The shapes are not those of one chain.
-    """
+    """Raise `ValueError` unless all shapes are equal, with no more draws than a chain has."""
     if len(set(shapes.values())) != 1 or not 0 < math.prod(shapes["J"]) <= _MOST_DRAWS:
         listed = ", ".join(f"{shape} of {name}" for name, shape in list(shapes.items())[:8])
         raise ValueError(f"the shapes {listed}; expected one number of draws of each variable")

@@ -28,11 +28,9 @@ class MotorJob:
     """A motor to be fitted."""
 
     motor: Motor
-    """Entry of the manifest."""
     record: dict[str, Any]
     """Inputs that determine the result."""
     out: Path
-    """Output directory of the motor."""
 
 
 def fit_all(

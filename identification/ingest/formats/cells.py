@@ -26,11 +26,9 @@ class ColumnTable:
     """Table whose columns are loaded one by one."""
 
     columns: Sequence[Column]
-    """Columns from left to right."""
     load: Callable[[Column], ArrayLike]
     """Function from a column to its cells, (n_sample,) of any numeric type."""
     warnings: tuple[RunWarning, ...] = ()
-    """Warnings about the file as a whole."""
 
     def read(self, channels: Sequence[Channel]) -> Samples:
         """Load the columns of the channels; samples are counted from 1 in messages."""

@@ -52,11 +52,8 @@ class SignalTable:
     """Source table of signals, whose first column is the common time."""
 
     signals: Sequence[Signal]
-    """The signals."""
     file: str
-    """Name of the file in messages."""
     warnings: tuple[RunWarning, ...] = ()
-    """Warnings about the file as a whole."""
 
     @cached_property
     def columns(self) -> Sequence[Column]:

@@ -117,7 +117,6 @@ class _Group:
     """Channels with numbers of one group."""
 
     channels: Sequence[TdmsChannel]
-    """The channels."""
     origin: np.datetime64 | None
     """Date of the time 0 of waveforms, or None."""
 

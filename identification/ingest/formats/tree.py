@@ -52,9 +52,7 @@ class Leaf:
     """Numeric array."""
 
     shape: tuple[int, ...]
-    """Its shape."""
     load: Callable[[], ArrayLike]
-    """Function that returns its cells."""
     unit: str = ""
     """Unit from its attributes; empty if there is none."""
 
@@ -234,5 +232,4 @@ def _units(node: Mapping[str, Node]) -> Mapping[str, Node]:
 
 
 def _unit(node: Mapping[str, Node]) -> str:
-    """Unit of one signal."""
     return next((child.strip() for child in _unit_fields(node) if isinstance(child, str)), "")
