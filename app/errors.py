@@ -82,10 +82,6 @@ class ServiceError(Exception):
         super().__init_subclass__()
         cls.code = code
 
-    def __init__(self, message: str) -> None:
-        self.message = message
-        super().__init__(message)
-
 
 class NotFound(ServiceError, code="not_found"):
     """Item missing in the client's workspace."""

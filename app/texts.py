@@ -84,7 +84,7 @@ def _check_in_body(place: str, text: str) -> None:
     try:
         check_text(place.removesuffix("."), text)
     except FieldRefused as error:
-        raise ValueError(error.message) from error
+        raise ValueError(str(error)) from error
 
 
 def moment(seconds: float) -> str:

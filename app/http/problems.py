@@ -137,7 +137,7 @@ def problem_of(error: errors.ServiceError | InputError) -> JSONResponse:
     place: dict[str, Any] = {name: getattr(error, name, None) for name in ("file", "row", "column")}
     fields = None
     if isinstance(error, errors.FieldRefused):
-        fields = [FieldProblem(field=error.field, detail=error.message)]
+        fields = [FieldProblem(field=error.field, detail=str(error))]
     code = str(getattr(error, "reason", None) or getattr(error, "code", "input"))
     headers = {}
     if status == HTTPStatus.UNAUTHORIZED:

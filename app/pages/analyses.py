@@ -88,10 +88,8 @@ def tuning_page(
                 caller, fit_id, draws=_TUNING_DRAWS, is_wanted=is_wanted, **form.options()
             )
             shown = tuning_view(found, remarks)
-    except InputError as error:
+    except (InputError, RunRefused) as error:
         problem = sentence(str(error))
-    except RunRefused as error:
-        problem = sentence(error.message)
     return page(
         "tuning",
         **refusal(problem, "#answer"),
@@ -132,7 +130,7 @@ def prediction_page(
             )
             file, shown = row.file, prediction_view(row.file, found)
         except RunRefused as error:
-            problem = f"{error.message}."
+            problem = f"{error}."
     return page(
         "prediction",
         status=422 if problem else 200,
@@ -166,10 +164,8 @@ def design_page(
         try:
             found = services.analyses.design(caller, fit_id, form.options, is_wanted=is_wanted)
             shown = design_view(found)
-        except InputError as error:
+        except (InputError, FieldRefused, RunRefused) as error:
             problem = sentence(str(error))
-        except (FieldRefused, RunRefused) as error:
-            problem = sentence(error.message)
     effects = (fit.result or {}).get("effects") or ()
     return page(
         "design",

@@ -102,7 +102,7 @@ def sign_in(
     try:
         token = services.access.open_session(key.strip(), lifetime_s)
     except BadKey as error:
-        return page("login", status=401, problem=sentence(error.message), back=own_address(back))
+        return page("login", status=401, problem=sentence(str(error)), back=own_address(back))
     answer = RedirectResponse(own_address(back), status_code=303)
     answer.set_cookie(
         COOKIE,

@@ -123,7 +123,8 @@ def assign_channels(
         if factors or len(errors) > earlier:
             missing = [name for name in missing if name != "voltage_V"]
     if missing:
-        errors.append(missing_columns(missing, free, columns, _titles(found)))
+        titles = {name: channel.column.title for name, channel in found.items()}
+        errors.append(missing_columns(missing, free, columns, titles))
     refuse_all(errors)
     known = (*CHANNEL_QUANTITIES, *FACTOR_QUANTITIES)
     return {name: found[name] for name in known if name in found}
@@ -256,10 +257,6 @@ def _mapped_unit(entry: ChannelMapping, column: Column) -> Unit:
             ],
         )
     return si
-
-
-def _titles(found: Mapping[str, Channel]) -> dict[str, str]:
-    return {name: channel.column.title for name, channel in found.items()}
 
 
 def _by_case(columns: list[Column]) -> list[Column]:
