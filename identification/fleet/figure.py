@@ -18,7 +18,7 @@ from identification.fleet.outliers import POSITIVE, Spread
 from identification.fleet.pooling import Quantiles
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
-from identification.reporting.svg import Frame, path, span, svg, text, tick_words
+from identification.reporting.svg import Frame, framed, path, span, svg, text, tick_words
 from identification.result.numbers import (
     interval_text,
     number_text,
@@ -137,7 +137,7 @@ def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: 
     frame = Frame(box, (0.0, 1.0), span(scaled(low), scaled(high)))
     words = _decade_words(*frame.y_range) if is_log else tick_words(*frame.y_range)
     label = f"{name} [{scaled_unit(unit, power)}]"
-    body = _framed(frame, words, label)
+    body = framed(frame, words, label, at=12)
     if spread.median is not None and (not is_log or spread.median > 0.0):
         at = float(frame.y(scaled(np.array([spread.median])))[0])
         body += f'<path class="zero" d="M{_LEFT:.1f} {at:.1f}H{_LEFT + _WIDTH:.1f}"/>'
@@ -172,25 +172,12 @@ def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: fl
     limits = span((middle - half) * factor, (middle + half) * factor, [0.0])
     frame = Frame((_LEFT, top, _WIDTH, _CHANGES), (0.0, 1.0), limits)
     shown = "%" if is_relative else scaled_unit(unit, unit_power(largest))
-    body = _framed(frame, tick_words(*limits, 4), f"change [{shown}]")
+    body = framed(frame, tick_words(*limits, 4), f"change [{shown}]", at=12)
     zero = float(frame.y(0.0))
     body += f'<path class="zero" d="M{_LEFT:.1f} {zero:.1f}H{_LEFT + _WIDTH:.1f}"/>'
     loud = [mark.is_significant for mark in marks]
     low, high = (frame.y((middle + sign * half) * factor) for sign in (-1.0, 1.0))
     return body + _bars(across, low, frame.y(middle * factor), high, loud)
-
-
-def _framed(
-    frame: Frame, words: Sequence[tuple[float, str]], label: str, below: str = "", at: float = 12
-) -> str:
-    """Frame with the grid, tick labels and label of its vertical axis, and what stands below it."""
-    left, top, width, height = frame.box
-    parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
-    for value, word in words:
-        y = float(frame.y(value))
-        parts.append(f'<path class="grid" d="M{left:.1f} {y:.1f}H{left + width:.1f}"/>')
-        parts.append(text(left - 6, y + 4, word, "tick end"))
-    return "".join([*parts, below, text(at, top + height / 2, label, "label mid", turned=True)])
 
 
 def _decade_words(low: float, high: float) -> list[tuple[float, str]]:
@@ -295,17 +282,13 @@ def history_figure(
         for k in range(0, len(times), -(-len(times) // _MOST_LABELS))
     )
     words = tick_words(*frame.y_range, 4)
-    body = _framed(frame, words, f"{name} [{scaled_unit(unit, power)}]", below, at=15)
+    body = framed(frame, words, f"{name} [{scaled_unit(unit, power)}]", below)
     across = frame.x(places)
     body += path(across, frame.y(scale * middle), "zero")
-    for at, x, bottom, centre, top in zip(
-        places, across, frame.y(scale * low), frame.y(scale * middle), frame.y(scale * high),
-        strict=True,
-    ):  # fmt: skip
-        drift = changes[int(at)].get(name)
-        kind = " loud" if drift is not None and drift.is_significant else ""
-        body += f'<path class="stem{kind}" d="M{x:.1f} {bottom:.1f}V{top:.1f}"/>'
-        body += f'<path class="dots few{kind}" d="M{x:.1f} {centre:.1f}h0"/>'
+    drifted = [changes[int(place)].get(name) for place in places]
+    loud = [drift is not None and drift.is_significant is True for drift in drifted]
+    bottom, centre, top = (frame.y(scale * values) for values in (low, middle, high))
+    body += _bars(across, bottom, centre, top, loud)
     described = (
         f"{len(shown)} fits, from {number_text(float(middle[0]))} to "
         f"{number_text(float(middle[-1]))} {unit}, medians with 90 % intervals."

@@ -15,7 +15,7 @@ from __future__ import annotations
 import html
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -30,6 +30,7 @@ __all__ = [
     "axes",
     "band",
     "dots",
+    "framed",
     "line",
     "path",
     "span",
@@ -200,20 +201,30 @@ def axes(frame: Frame, x_label: str, y_label: str, about: tuple[int, int] = (6, 
     """
     left, top, width, height = frame.box
     bottom = top + height
-    parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
+    parts = []
     for value, word in tick_words(*frame.x_range, about[0]):
         at = float(frame.x(value))
         parts.append(f'<path class="grid" d="M{at:.1f} {top:.1f}V{bottom:.1f}"/>')
         if x_label:
             parts.append(text(at, bottom + 14, word, "tick mid"))
-    for value, word in tick_words(*frame.y_range, about[1]):
-        at = float(frame.y(value))
-        parts.append(f'<path class="grid" d="M{left:.1f} {at:.1f}H{left + width:.1f}"/>')
-        parts.append(text(left - 6, at + 4, word, "tick end"))
     if x_label:
         parts.append(text(left + width / 2, bottom + 31, x_label, "label mid"))
-    if y_label:
-        parts.append(text(15, top + height / 2, y_label, "label mid", turned=True))
+    return framed(frame, tick_words(*frame.y_range, about[1]), y_label, "".join(parts))
+
+
+def framed(
+    frame: Frame, words: Sequence[tuple[float, str]], label: str, below: str = "", at: float = 15
+) -> str:
+    """Frame with the grid, tick labels and label of its vertical axis, and what stands below it."""
+    left, top, width, height = frame.box
+    parts = [f'<rect class="frame" x="{left}" y="{top}" width="{width}" height="{height}"/>']
+    for value, word in words:
+        y = float(frame.y(value))
+        parts.append(f'<path class="grid" d="M{left:.1f} {y:.1f}H{left + width:.1f}"/>')
+        parts.append(text(left - 6, y + 4, word, "tick end"))
+    parts.append(below)
+    if label:
+        parts.append(text(at, top + height / 2, label, "label mid", turned=True))
     return "".join(parts)
 
 
