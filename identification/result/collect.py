@@ -97,9 +97,8 @@ def _missing(
     final = findings.analysis.final
     if findings.has_effects:
         path = final_path(final, findings.draws, findings.localisation)
-        seen = path.everywhere
-        terms = missing_terms(final, seen)
-        traces = missing_traces(path, seen, [record.name for record in final.simulator.records])
+        terms = missing_terms(path)
+        traces = missing_traces(path, [record.name for record in final.simulator.records])
     elif findings.localisation is not None:
         found = findings.localisation.missing
         signals = signals_at(findings.analysis.declared.simulator.records, found)

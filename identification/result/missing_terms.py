@@ -10,6 +10,9 @@ or of the missing torque on the speed (friction).
 
 An effect with states of its own or a dependence on time is not a function of a driver.  Over time,
 each equation is plotted with the sum of its effects, in the run where they are strongest.
+
+Against a driver, the missing terms are those of a model that keeps the effects that change L or J
+(`partial_residuals.py`).
 """
 
 from __future__ import annotations
@@ -22,7 +25,6 @@ import numpy as np
 from identification.arrays import Array, Index
 from identification.diagnosis.localise import Missing
 from identification.effects.effect import AbstractEffect, effects_of
-from identification.fit.solve import Fit
 from identification.model.term import (
     AbstractCoefficient,
     AbstractTerm,
@@ -67,12 +69,15 @@ _LEAST_IN_BIN: Final = 4
 _LEAST_WEIGHT: Final = 1e-3
 
 
-def missing_terms(final: Fit, found: PathSamples) -> list[MissingTerm]:
+def missing_terms(path: FinalPath) -> list[MissingTerm]:
     """Plot data of each effect against its drivers, with its estimate from the data."""
+    terms = path.final.simulator.model.terms
+    drawn = [term for term in effects_of(terms) if _is_static(term)]
+    if not drawn:
+        return []
+    found = path.keeping({*path.kept, *(t.name for t in terms if _is_steep(t))}).everywhere
     plots = []
-    for term in effects_of(final.simulator.model.terms):
-        if not _is_static(term):
-            continue
+    for term in drawn:
         for driver in _drivers_of(term):
             if isinstance(term, AbstractCoefficient):
                 plots.append(_changed(term, driver, found))
@@ -101,15 +106,14 @@ def unexplained_terms(
     return plots
 
 
-def missing_traces(path: FinalPath, found: PathSamples, names: Sequence[str]) -> list[MissingTrace]:
+def missing_traces(path: FinalPath, names: Sequence[str]) -> list[MissingTrace]:
     """Plot data for each equation with an effect: a section of the run where it is strongest."""
-    plots = []
+    in_motor = [term for term in path.final.simulator.model.terms if _acts_in_motor(term)]
+    if not in_motor:
+        return []
+    found, plots = path.everywhere, []
     for column in range(2):
-        acting = [
-            term
-            for term in path.final.simulator.model.terms
-            if _acts_in_motor(term) and column == _column_of(term, found)
-        ]
+        acting = [term for term in in_motor if column == _column_of(term, found)]
         if acting:
             plots.append(_over_time(acting, column, path, found, names))
     return plots
@@ -253,6 +257,11 @@ def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
 def _acts_in_motor(term: AbstractTerm) -> bool:
     """Whether the effect acts in the motor and not in a sensor."""
     return term.equation != "sensor"
+
+
+def _is_steep(term: AbstractTerm) -> bool:
+    """Whether the voltage or torque of the effect is in proportion to di/dt or dw/dt."""
+    return isinstance(term, AbstractCoefficient) and term.coefficient in ("L", "J")
 
 
 def _is_static(term: AbstractEffect) -> bool:

@@ -1,8 +1,8 @@
 """Voltage and torque of each effect along the simulation of the final model (partial residuals).
 
 The contribution of an effect to an equation is the state derivative with the effect minus that
-without it, times L or J.  This holds for any effect: a voltage, a torque, a factor on a coefficient
-or a temperature.
+without it, times the inductance or inertia without it.  This holds for any effect: a voltage, a
+torque, a factor on a coefficient or a temperature.
 
 The corresponding estimate from the data is the missing voltage or torque of the smoother.  The
 smoother leaves the nominal-model parameters free, so its trace is ambiguous in the component that
@@ -11,12 +11,17 @@ with resistance, torque constant or inductance.  This component is taken from th
 coefficient per regressor for all runs together.  The rest of the trace comes from the data alone.
 The partial residual of one effect is this trace minus all other fitted effects.
 
+The smoother does not resolve the contribution of an effect that changes L or J, such as an elastic
+shaft, because it is proportional to the derivative of the state.  The effect of a sensor is no
+voltage or torque of the motor at all.  Such effects are not subtracted, but kept in the model whose
+missing terms are smoothed.
+
 Source: Larsen and McCleary, Technometrics 14 (1972), 781-790 (partial residuals).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -25,13 +30,15 @@ import casadi as ca
 import numpy as np
 
 from identification.arrays import Array, Index
-from identification.diagnosis.localise import Localisation
-from identification.fit.solve import Fit
+from identification.diagnosis.deviation import Disturbance
+from identification.diagnosis.localise import Localisation, localise
+from identification.fit.solve import Fit, TerminationLimits
 from identification.linear import least_squares
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.pointwise import values_at
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
+from identification.selection.refit import refitted_without
 
 __all__ = ["PathSamples", "FinalPath", "final_path"]
 
@@ -41,7 +48,6 @@ _MOST_SIMULATED: Final = 3_000_000
 """Limit on samples times draws, because the states of all draws are held in memory together."""
 
 _SAMPLES: Final = 4000
-_STEPS_KEPT: Final = ("L", "J")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +63,11 @@ class PathSamples:
     rates: Array
     """(n_sample, 2) di/dt and dw/dt [A/s, rad/s^2]."""
     effects: dict[str, Array]
-    """Voltage and torque by effect name, (n_draw, n_sample, 2) [V, N m]; the first draw is the
-    fit."""
+    """Voltage and torque by name of an effect that the localised model lacks,
+    (n_draw, n_sample, 2) [V, N m]; the first draw is the fit."""
     missing: Array
-    """(n_sample, 2) estimate of all effects together from the data [V, N m]; NaN where unknown."""
+    """(n_sample, 2) estimate of these effects together from the data [V, N m]; NaN where
+    unknown."""
     missing_sd: Array
     """(n_sample, 2) its standard deviation [V, N m]."""
 
@@ -81,7 +88,20 @@ class FinalPath:
     states: Sequence[Array]
     """For each record (n_sample, n_state, n_draw)."""
     localisation: Localisation | None
-    """Missing terms of the nominal model; None if not known."""
+    """Missing terms of the nominal model with the effects `kept`; None if not known."""
+    kept: frozenset[str] = frozenset()
+    """Names of the effects in the localised model."""
+
+    def keeping(self, names: Collection[str]) -> FinalPath:
+        """This path with the missing terms of the final model without all effects but these."""
+        kept, model = frozenset(names), self.final.simulator.model
+        lacking = [term.name for term in model.terms if term.name not in kept]
+        if kept == self.kept or not lacking:
+            return self
+        fit = self.final
+        for name in lacking:
+            fit = refitted_without(fit, name, TerminationLimits(0))
+        return replace(self, localisation=localise(fit), kept=kept)
 
     @cached_property
     def everywhere(self) -> PathSamples:
@@ -98,7 +118,6 @@ class FinalPath:
             # Inputs of a row describe the interval after it; the last sample starts none.
             rows = np.linspace(0, record.rows - 2, min(share, record.rows - 1))
             pieces.append(self._traced(number, np.unique(rows.astype(int))))
-        names = [term.name for term in self.final.simulator.model.terms]
         return PathSamples(
             record=np.concatenate([p.record for p in pieces]),
             time=np.concatenate([p.time for p in pieces]),
@@ -107,7 +126,10 @@ class FinalPath:
                 for name in pieces[0].drivers
             },
             rates=np.concatenate([p.rates for p in pieces]),
-            effects={name: np.concatenate([p.effects[name] for p in pieces], 1) for name in names},
+            effects={
+                name: np.concatenate([p.effects[name] for p in pieces], 1)
+                for name in pieces[0].effects
+            },
             missing=np.concatenate([p.missing for p in pieces]),
             missing_sd=np.concatenate([p.missing_sd for p in pieces]),
         )
@@ -121,16 +143,13 @@ class FinalPath:
         values, model = self.values, self.final.simulator.model
         record = self.final.simulator.records[number]
         states, inputs = self.states[number][rows], record.inputs[rows]
-        names = [parameter.name for parameter in model.parameters]
-        inertias = np.column_stack([values[names.index(name)] for name in _STEPS_KEPT])
-        full = _rates(model, states, inputs, values, model)
-        # The rates of a diverging draw are not finite, nor are its effects.
-        with np.errstate(over="ignore", invalid="ignore"):
-            effects = {
-                term.name: (full - _rates(model.without(term.name), states, inputs, values, model))
-                * inertias[:, None, :]
-                for term in model.terms
-            }
+        full, _ = _rates(model, states, inputs, values, model)
+        effects = {}
+        for name in [term.name for term in model.terms if term.name not in self.kept]:
+            rates, response = _rates(model.without(name), states, inputs, values, model)
+            # The rates of a diverging draw are not finite, nor are its effects.
+            with np.errstate(over="ignore", invalid="ignore"):
+                effects[name] = (full - rates) / response
         column = {name: inputs[:, INPUTS.index(name)] for name in INPUTS}
         missing, missing_sd = self._smoothed(record, number, rows)
         return PathSamples(
@@ -203,10 +222,12 @@ def final_path(
 ) -> FinalPath:
     """Simulate the final model for the fit and some posterior draws, (n_draw,) by name.
 
-    `localisation` holds the missing terms of the nominal model; None if not known.
+    `localisation` holds the missing terms of the nominal model; None if not known.  They are
+    estimated anew if the final model has effects of sensors as well as of the motor.
     """
     values = _with_draws(final, draws)
-    return FinalPath(final, values, final.simulator.states(values, final.states), localisation)
+    path = FinalPath(final, values, final.simulator.states(values, final.states), localisation)
+    return path.keeping([t.name for t in final.simulator.model.terms if t.equation == "sensor"])
 
 
 def _with_draws(final: Fit, draws: Mapping[str, Array]) -> Array:
@@ -222,18 +243,28 @@ def _with_draws(final: Fit, draws: Mapping[str, Array]) -> Array:
 
 def _rates(
     model: MotorModel, states: Array, inputs: Array, values: Array, whole: MotorModel
-) -> Array:
-    """(n_draw, n_sample, 2) di/dt and dw/dt of a model with a subset of the terms of `whole`.
+) -> tuple[Array, Array]:
+    """di/dt and dw/dt of a model with a subset of the terms of `whole`, (n_draw, n_sample, 2).
 
-    States (n_sample, n_state, n_draw) and values (n_parameter, n_draw) are those of `whole`.
+    The second result holds their derivatives by a voltage and by a torque, one over the inductance
+    and one over the inertia.  States (n_sample, n_state, n_draw) and values (n_parameter, n_draw)
+    are those of `whole`.
     """
     at = [whole.state_names.index(name) for name in model.state_names]
     names = [parameter.name for parameter in whole.parameters]
     own = values[[names.index(parameter.name) for parameter in model.parameters]]
     x, u, p = model.symbols()
-    function = ca.Function("rates", [x, u, p], [model.rates(x, u, p)[:2]])
-    found = [
-        values_at(function, states[:, at, lane], inputs, np.repeat(one[None], len(inputs), axis=0))
-        for lane, one in enumerate(own.T)
-    ]
-    return np.array(found)
+    pushed = ca.SX.sym("e", 2)
+    rates = model.adding(Disturbance()).rates(x, u, ca.vertcat(p, pushed))[:2]
+    response = ca.diag(ca.jacobian(rates, pushed))
+    found = ca.substitute(ca.vertcat(rates, response), pushed, ca.SX.zeros(2))
+    function = ca.Function("rates", [x, u, p], [ca.densify(found)])
+    both = np.array(
+        [
+            values_at(
+                function, states[:, at, lane], inputs, np.repeat(one[None], len(inputs), axis=0)
+            )
+            for lane, one in enumerate(own.T)
+        ]
+    )
+    return both[:, :, :2], both[:, :, 2:]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from identification.diagnosis.localise import Deficiency, Localisation, Missing
 from identification.effects.electrical import BrushDrop, FluxSaturation
 from identification.effects.friction import CoulombFriction, ViscousTemperature
-from identification.effects.load import LoadStep
+from identification.effects.load import LoadStep, ShaftCompliance
+from identification.effects.sensor import CurrentFilter
 from identification.effects.thermal import SelfHeating
 from identification.effects.zero import CurrentOffset
 from identification.fit.declared import fit_declared
@@ -52,12 +54,28 @@ def with_effect(declared: Fit, term: AbstractTerm, sizes: list[float]) -> Fit:
 
 def path_of(declared: Fit, term: AbstractTerm, sizes: list[float], trace: Any = None) -> FinalPath:
     """Final path of a motor with an effect of a given size; all draws are equal."""
-    final = with_effect(declared, term, sizes)
+    return certain_path(with_effect(declared, term, sizes), trace)
+
+
+def certain_path(final: Fit, trace: Any = None) -> FinalPath:
+    """Final path of a fit whose draws are all equal to it."""
     draws = {
         name: np.full(20, value)
         for name, value in zip(final.coordinates.names, final.values, strict=True)
     }
     return final_path(final, draws, trace)
+
+
+def measured_on(fit: Fit, noise: tuple[float, float]) -> Fit:
+    """The fit over records that its own motor has made, with white noise [A, rad/s]."""
+    rng = np.random.default_rng(4)
+    records = [
+        replace(record, measured=logged + np.array(noise) * rng.standard_normal(logged.shape))
+        for record, logged in zip(fit.simulator.records, fit.simulated(), strict=True)
+    ]
+    simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
+    limits = TerminationLimits(steps=0)
+    return solve(simulator, fit.coordinates, fit.position, fit.states, None, limits)
 
 
 def trace_of(declared: Fit, voltage: list[Array], torque: list[Array]) -> Localisation:
@@ -83,6 +101,51 @@ def test_a_friction_torque_is_drawn_as_its_law(declared: Fit) -> None:
     np.testing.assert_allclose(drawn[:, 0], 0.0, atol=1e-9)
 
 
+SHAFT = ShaftCompliance(1.0, 10.0, 1e4)
+SPRINGY = [0.6, 300.0, 0.05, 0.0]
+"""Sixty percent of the inertia behind a shaft, which swings at 300 rad/s."""
+
+
+def test_friction_of_a_motor_with_an_elastic_shaft_is_drawn_as_its_law(declared: Fit) -> None:
+    """The torque acts on the rotor, 40 % of the inertia, and is still the torque in N m."""
+    sprung = with_effect(declared, SHAFT, SPRINGY)
+    path = path_of(sprung, CoulombFriction(0.1, 1.0), [0.02, 0.0])
+    found = path.everywhere
+    speed = found.drivers["speed"]
+
+    friction, shaft = (found.effects[name][0, :, 1] for name in ("coulomb_friction", SHAFT.name))
+
+    np.testing.assert_allclose(friction, -0.02 * speed / np.sqrt(speed**2 + 1.0), atol=1e-12)
+    values = path.final.by_name
+    heat = 1 + values["alpha_Kt"] * (found.drivers["temperature"] - 25.0)
+    driven = values["Kt25"] * heat * found.drivers["current"] - values["b"] * speed
+    np.testing.assert_allclose(
+        friction + shaft, values["J"] * found.rates[:, 1] - driven, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("other", "sizes", "term", "amount"),
+    [
+        (SHAFT, SPRINGY, CoulombFriction(0.1, 1.0), [0.02, 0.0]),
+        (CurrentFilter(1e-5, 0.1), [3e-3], BrushDrop(24.0, 10.0), [0.8, 0.1, 2.0, 0.0, 0.0]),
+    ],
+    ids=["friction behind a shaft", "brushes behind a current filter"],
+)
+def test_dots_lie_around_the_curve_in_spite_of_a_filter_or_a_shaft(
+    declared: Fit, other: AbstractTerm, sizes: list[float], term: AbstractTerm, amount: list[float]
+) -> None:
+    """The shaft swings with ten times the friction, and the filter hides volts of L di/dt."""
+    final = with_effect(with_effect(declared, other, sizes), term, amount)
+
+    (plot,) = missing_terms(certain_path(measured_on(final, (0.02, 0.5))))
+
+    fitted = np.interp(plot.driver_values, plot.grid, plot.median)
+    assert plot.median.max() == pytest.approx(amount[0], rel=0.05)
+    assert np.std(plot.estimate - fitted) < 0.5 * amount[0]
+    assert np.corrcoef(plot.estimate, fitted)[0, 1] > 0.8
+
+
 def test_estimate_lies_on_the_curve_despite_a_biased_resistance(declared: Fit) -> None:
     """The nominal fit took part of the brush drop for a resistance error of 30 %."""
     term = BrushDrop(24.0, 10.0)
@@ -99,7 +162,7 @@ def test_estimate_lies_on_the_curve_despite_a_biased_resistance(declared: Fit) -
     )
     path = FinalPath(bare.final, bare.values, bare.states, said)
 
-    (plot,) = missing_terms(path.final, path.everywhere)
+    (plot,) = missing_terms(path)
 
     expected = -0.8 * plot.driver_values / np.sqrt(plot.driver_values**2 + 0.4**2)
     np.testing.assert_allclose(plot.estimate, expected, atol=0.02)
@@ -110,7 +173,7 @@ def test_a_change_of_friction_is_drawn_over_temperature(declared: Fit) -> None:
     """The curve is the straight line -b k (T - 25) with k = 0.004 1/K."""
     path = path_of(declared, ViscousTemperature(), [0.004, 1.0])
 
-    (plot,) = missing_terms(path.final, path.everywhere)
+    (plot,) = missing_terms(path)
 
     friction = path.final.values[5]
     expected = -0.004 * friction * (plot.grid - 25.0)
@@ -122,7 +185,7 @@ def test_a_loss_of_torque_constant_is_drawn_over_the_current(declared: Fit) -> N
     """The curve is Kt (1 / (1 + c (i / i_0)^2) - 1) at every temperature."""
     path = path_of(declared, FluxSaturation(20.0), [0.3, 2.0, 0.0])
 
-    (plot,) = missing_terms(path.final, path.everywhere)
+    (plot,) = missing_terms(path)
 
     constant = path.final.values[2]
     expected = constant * (1 / (1 + 0.3 * (plot.grid / 20.0) ** 2) - 1)
@@ -139,8 +202,8 @@ def test_an_effect_without_a_driver_is_drawn_over_time_only(
     """A load step depends on the time in one run; self-heating depends on the past."""
     path = path_of(declared, term, sizes)
 
-    assert missing_terms(path.final, path.everywhere) == []
-    (trace,) = missing_traces(path, path.everywhere, ["a.csv", "b.csv", "c.csv"])
+    assert missing_terms(path) == []
+    (trace,) = missing_traces(path, ["a.csv", "b.csv", "c.csv"])
     assert trace.effect == term.name
     assert np.abs(trace.fitted).max() > 0
 
@@ -149,8 +212,8 @@ def test_a_sensor_effect_has_a_sentence_and_no_figure(declared: Fit) -> None:
     """A zero error of a sensor is no voltage or torque of the motor."""
     path = path_of(declared, CurrentOffset(1.0), [0.2])
 
-    assert missing_terms(path.final, path.everywhere) == []
-    assert missing_traces(path, path.everywhere, ["a", "b", "c"]) == []
+    assert missing_terms(path) == []
+    assert missing_traces(path, ["a", "b", "c"]) == []
     assert "on the logged signals and not in the motor" in undrawn_sentence(
         path.final.simulator.model.terms
     )
