@@ -5,26 +5,49 @@
     {"voltage_V": {"column": "pwm", "scale": 0.24, "sign": "dir"}}
 
 The sign multiplies the cell, before scale and offset.  It comes from a column of directions: 1, 0
-and -1, or words of `directions`.  In a column of 0 and 1, as of a direction pin, 0 is reverse.
-Which direction is positive cannot be known; the check of the signs reports a wrong one.
+and -1, or words of `directions`.  In a column of 0 and 1, as of a direction pin, 0 is reverse; in
+one with 2, 1 is forward, 2 reverse and 0 a stop.  Which direction is positive cannot be known; the
+check of the signs reports a wrong one.
+
+A stop is a factor of 0.  A bridge that brakes shorts the motor, so its voltage is 0 V whatever the
+duty beside it is; a current or a speed at a stop is not zero, and its sign is not known.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.errors import AbsurdValue
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
+from identification.ingest.directions import STOP
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning, SourceLocator
 from identification.ingest.units import canonical_unit
 
 __all__ = ["requested", "supplied"]
+
+_REVERSE: Final = 2.0
+"""Reverse in a column of the codes 0, 1 and 2."""
+_CODED: Final = " (1 is forward, 2 reverse, 0 a stop)"
+_STILL: Final = 0.02
+"""Fraction of the largest cell above which a cell is not zero."""
+_EXPECTED: Final = (
+    "expected 1, 0 or -1 in each cell, or 1 and 0, or 1 for forward, 2 for reverse and 0 for a stop"
+)
+_UNAMBIGUOUS: Final = (
+    "the cell that it signs is not 0, and in a column with 2 expected is 0 for a stop only; write "
+    "fwd, rev and stop, or 1, -1 and 0"
+)
+_UNSIGNED: Final = (
+    "stands at a stop, expected is 0: a motor that brakes or coasts has a current and a speed, "
+    "whose sign the direction does not give; map a signed column or cut these samples out"
+)
 
 
 def requested(channels: Mapping[str, Channel]) -> tuple[Channel, ...]:
@@ -48,7 +71,8 @@ def supplied(
     """Complete the cells that were read; return them with warnings of signs and rows.
 
     Raises:
-        AbsurdValue: A direction is a number other than 1, 0 and -1.
+        AbsurdValue: A direction is a number other than 1, 0 and -1, or a current or speed is not
+            zero at a stop.
     """
     rows = next(iter(samples.cells.values())).size
     cells = {name: samples.cells[name] for name in channels if name in samples.cells}
@@ -61,29 +85,59 @@ def supplied(
             note = "the time is the number of the sample times its interval; a lost sample shows as"
             notes.append(locator.warning("time_from_rows", f"{note} no gap", name))
         elif channel.sign is not None:
-            signs = samples.cells[_sign_name(name)]
-            column = channel.sign.label
+            column, directions = channel.sign.label, samples.cells[_sign_name(name)]
             at = dataclasses.replace(locator, columns={**locator.columns, name: column})
-            signs, text = _signs(signs, name, at)
+            signs, text = _signs(directions, cells[name], name, at)
+            text = f"{text}, by the column {column}{_stopped(signs, cells[name], name, locator)}"
             cells[name] = cells[name] * signs
-            notes.append(locator.warning("sign_from_direction", f"{text} of {column}", name))
+            notes.append(locator.warning("sign_from_direction", text, name))
     return dataclasses.replace(samples, cells=cells), notes
 
 
-def _signs(cells: Array, name: str, locator: SourceLocator) -> tuple[Array, str]:
-    """Signs (n_sample,) from the cells of a direction, and what the warning says of them."""
-    wrong = np.flatnonzero(~np.isin(cells, (-1.0, 0.0, 1.0)))
-    if wrong.size:
-        sample = int(wrong[0])
-        raise locator.error(
-            AbsurdValue,
-            f"{cells[sample]:.6g} is no direction; expected 1, 0 or -1 in each cell, or 1 and 0",
-            name,
-            sample,
-            float(cells[sample]),
-        )
-    is_pin = not np.any(cells < 0.0) and bool(np.any(cells == 0.0))
-    signs = np.where(cells > 0.0, 1.0, -1.0) if is_pin else cells
+def _signs(directions: Array, cells: Array, name: str, locator: SourceLocator) -> tuple[Array, str]:
+    """Factors (n_sample,) 1, -1 and 0 of a direction, and what the warning says of them."""
+    stops, meaning = directions == STOP, ""
+    is_coded = bool(np.any(directions == _REVERSE)) and not np.any(directions < 0.0)
+    known = (0.0, STOP, 1.0, _REVERSE if is_coded else -1.0)
+    _refuse(~np.isin(directions, known), directions, f"is no direction; {_EXPECTED}", name, locator)
+    if is_coded:
+        moving = _is_moving(cells) & (directions == 0.0)
+        _refuse(moving, directions, f"is forward or a stop; {_UNAMBIGUOUS}", name, locator)
+        signs, meaning = np.where(directions == _REVERSE, -1.0, directions), _CODED
+    elif np.any(directions == 0.0) and not np.any(directions < 0.0):
+        signs, meaning = np.where(directions > 0.0, 1.0, -1.0), " (0 is reverse)"
+    else:
+        signs = directions
+    signs = np.where(stops, 0.0, signs)
     reverse = int(np.count_nonzero(signs < 0.0))
-    zero = " (0 is reverse)" if is_pin else ""
-    return signs, f"the sign is negative in {reverse} of {signs.size} samples{zero}, by the column"
+    return signs, f"the sign is negative in {reverse} of {signs.size} samples{meaning}"
+
+
+def _stopped(signs: Array, cells: Array, name: str, locator: SourceLocator) -> str:
+    """What the warning says of the samples (n_sample,) with a factor of 0; empty without any."""
+    stops = signs == 0.0
+    if not np.any(stops):
+        return ""
+    text = f"; {np.count_nonzero(stops)} are a stop with a factor of 0"
+    moving = stops & _is_moving(cells)
+    if name in ("current_A", "speed_rad_s"):
+        _refuse(moving, cells, _UNSIGNED, name, locator)
+    elif np.any(moving):
+        text += (
+            f", and the cell is not 0 in {np.count_nonzero(moving)} of these: the motor is taken "
+            "as braked, which is 0 V"
+        )
+    return text
+
+
+def _is_moving(cells: Array) -> Bool:
+    """Cells (n_sample,) that are not zero."""
+    return np.asarray(np.abs(cells) > _STILL * np.max(np.abs(cells), initial=0.0))
+
+
+def _refuse(wrong: Bool, values: Array, reason: str, name: str, locator: SourceLocator) -> None:
+    """Refuse the first wrong sample (n_sample,) of a column."""
+    if np.any(wrong):
+        sample = int(np.argmax(wrong))
+        value = float(values[sample])
+        raise locator.error(AbsurdValue, f"{value:.6g} {reason}", name, sample, value)

@@ -14,7 +14,7 @@ from app.commands.arguments import mapping_of
 from identification.checks import check_runs
 from identification.errors import AbsurdValue, MappingError, MissingColumn, NotANumber, OptionError
 from identification.ingest import read_run
-from identification.ingest.directions import DIRECTIONS
+from identification.ingest.directions import DIRECTIONS, STOP
 from identification.preview import check
 from tests.ingest.samples import motor, record
 
@@ -78,6 +78,57 @@ def test_zero_beside_minus_one_is_standstill() -> None:
     assert run.voltage[7:] == pytest.approx(RECORD["voltage_V"][7:], rel=1e-12)
 
 
+STOPPED = np.arange(400) % 40 < 6
+"""Samples at which the board stops the motor."""
+
+
+@pytest.mark.parametrize("word", ["stop", "STOP", "brake", "halt", "aus", " Off "])
+@pytest.mark.parametrize("reverse", ["rev", "fwd"])
+@pytest.mark.parametrize("is_file", [True, False])
+def test_stop_among_the_directions_is_no_voltage(
+    tmp_path: Path, word: str, reverse: str, is_file: bool
+) -> None:
+    """The duty stands at its last value; a motor that never reverses is not reversed by a stop."""
+    sign = np.where(STOPPED, 0, SIGN if reverse == "rev" else 1)
+    data = board(np.where(STOPPED, word, np.where(SIGN > 0, "fwd", reverse)))
+    data.to_csv(tmp_path / "run.csv", index=False)
+
+    run = read_run(
+        tmp_path / "run.csv" if is_file else data, mapping=mapped("voltage_V=pwm * dir * 48")
+    )
+
+    expected = sign * np.abs(RECORD["voltage_V"])
+    assert run.voltage == pytest.approx(expected, rel=1e-12)
+    (note,) = [w.message for w in run.warnings if w.code == "sign_from_direction"]
+    assert f"negative in {np.count_nonzero(sign < 0)} of 400 samples, by the column dir" in note
+    assert f"{STOPPED.sum()} are a stop with a factor of 0, and the cell is not 0 in " in note
+    assert note.endswith("the motor is taken as braked, which is 0 V")
+
+
+def test_codes_of_a_direction_are_stop_forward_and_reverse() -> None:
+    """1 and 2 as an enumeration of a controller; 0 only where the duty is zero."""
+    data = board(np.where(STOPPED, 0, np.where(SIGN > 0, 1, 2)))
+    with pytest.raises(AbsurdValue, match=r"column dir: 0 is forward or a stop; .* write fwd, rev"):
+        read_run(data, mapping=mapped("voltage_V=pwm * dir * 48"))
+    data.loc[STOPPED, "pwm"] = 0.0
+
+    run = read_run(data, mapping=mapped("voltage_V=pwm * dir * 48"))
+
+    assert run.voltage == pytest.approx(np.where(STOPPED, 0.0, RECORD["voltage_V"]), rel=1e-12)
+    (note,) = [w.message for w in run.warnings if w.code == "sign_from_direction"]
+    assert "(1 is forward, 2 reverse, 0 a stop), by the column dir; 60 are a stop" in note
+    assert "braked" not in note
+
+
+def test_current_that_flows_at_a_stop_has_no_sign() -> None:
+    """Braking turns the current round, which no direction of the voltage says."""
+    data = board(np.where(STOPPED, "stop", np.where(SIGN > 0, "fwd", "rev")))
+    data["current_A"] = np.abs(data["current_A"])
+
+    with pytest.raises(AbsurdValue, match=r"column current_A: .* stands at a stop, expected is 0"):
+        read_run(data, mapping=mapped("current_A=current_A * dir", "voltage_V=pwm * dir * 48"))
+
+
 def test_sign_comes_before_the_offset_and_two_channels_share_it() -> None:
     """Contract of a mapping: value = (cell * sign * scale + offset) in the unit."""
     data = board(SIGN, current_mA=1e3 * np.abs(RECORD["current_A"]) + 1.0).drop(columns="current_A")
@@ -101,7 +152,7 @@ def test_duty_with_a_direction_is_multiplied_by_a_constant_bus() -> None:
 @pytest.mark.parametrize(
     ("cell", "error", "message"),
     [
-        ("stop", NotANumber, r"row 5, column dir: 'stop' is no direction; expected 1, 0 or -1"),
+        ("up", NotANumber, r"row 5, column dir: 'up' is no direction; expected 1, 0 or -1"),
         ("2", AbsurdValue, r"row 5, column dir: 2 is no direction"),
         ("", Exception, r"row 5, column dir: the cell is blank"),
     ],
@@ -271,5 +322,5 @@ def test_page_lists_every_direction() -> None:
     lists = [re.findall(r"`([^`]+)`", part) for part in line.split(";")]
 
     assert {
-        word: sign for words, sign in zip(lists, (1.0, -1.0), strict=True) for word in words
+        word: sign for words, sign in zip(lists, (1.0, -1.0, STOP), strict=True) for word in words
     } == (DIRECTIONS)
