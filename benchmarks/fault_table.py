@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import expm
 
 from bench import make_campaign
 
@@ -20,10 +21,15 @@ __all__ = ["FAULTS", "Fault", "Tables"]
 
 Tables = list[pd.DataFrame]
 Scope = Literal["one", "all"]
-Outcome = Literal["refuse", "suspect", "warn"]
+Outcome = Literal["refuse", "suspect", "warn", "none"]
 
 _RPM: Final = 60.0 / (2.0 * math.pi)
 _ODD: Final = 1
+_PAUSES: Final = 8
+"""Pauses in a run in which the bridge is off; each lasts half as long as the drive before it."""
+_SEGMENTS: Final = 14
+"""Segments of the commutator of a tachogenerator."""
+_RIPPLE: Final = 0.04
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,8 @@ class Fault:
     Args:
         name: Name in the table.
         scope: Whether the fault is in one run or in all.
-        outcome: Minimum expected outcome: refusal, suspicion, or a remark of any stage.
+        outcome: Minimum expected outcome: refusal, suspicion, or a remark of any stage; ``none`` if
+            the search for effects explains the fault, so that no check may find it.
         make: Function that applies the fault to the tables.
         corrected: Whether a mapping can correct the fault.
     """
@@ -125,6 +132,61 @@ def _motionless(table: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def _direction_unmapped(table: pd.DataFrame) -> pd.DataFrame:
+    """The voltage as a magnitude, beside the pin of the direction.
+
+    The second run switches between two voltages, whose magnitude is constant.
+    """
+    forward = (table["voltage_V"] > 0.0).astype(int)
+    return table.assign(voltage_V=table["voltage_V"].abs(), dir=forward)
+
+
+def _rippled(table: pd.DataFrame) -> pd.DataFrame:
+    """Speed of a tachogenerator whose voltage ripples with the segments of its commutator."""
+    speed = table["speed_rad_s"].to_numpy(float)
+    angle = np.cumsum(speed) * float(np.median(np.diff(table["time_s"])))
+    return table.assign(speed_rad_s=speed * (1.0 + _RIPPLE * np.sin(_SEGMENTS * angle)))
+
+
+def _coasting(scope: Scope) -> Callable[[Tables, np.random.Generator], Tables]:
+    """Runs whose bridge is off at a duty of 0: no current flows, and friction slows the motor."""
+
+    def make(tables: Tables, rng: np.random.Generator) -> Tables:
+        truth = make_campaign(int(tables[0].attrs["motor"]), (), rows=2).truth
+        return [
+            _coasted(table, truth, rng) if scope == "all" or k == _ODD else table
+            for k, table in enumerate(tables)
+        ]
+
+    return make
+
+
+def _coasted(table: pd.DataFrame, truth: dict[str, Any], rng: np.random.Generator) -> pd.DataFrame:
+    values, rows = truth["parameters"], len(table)
+    step = float(np.median(np.diff(table["time_s"])))
+    heat = float(table["temperature_degC"].mean()) - 25.0
+    resistance = values["Ra25"] * (1.0 + values["alpha_Ra"] * heat)
+    constant = values["Kt25"] * (1.0 + values["alpha_Kt"] * heat)
+    whole = np.zeros((3, 3))
+    whole[0] = np.array([-resistance, -constant, 1.0]) / values["L"]
+    whole[1] = np.array([constant, -values["b"], 0.0]) / values["J"]
+    driven = expm(whole * step)[:2]
+    slowed = math.exp(-values["b"] / values["J"] * step)
+    off = (np.arange(rows) * 3 * _PAUSES // rows) % 3 == 2
+    voltage = np.where(off, 0.0, table["voltage_V"])
+    states = np.zeros((rows, 2))
+    for k in range(1, rows):
+        current, speed = states[k - 1]
+        if off[k - 1]:
+            states[k] = 0.0, slowed * speed
+        else:
+            states[k] = driven @ (current, speed, voltage[k - 1])
+    states[off, 0] = 0.0
+    noise = np.array([truth["noise"]["current_A"], truth["noise"]["speed_rad_s"]])
+    logged = states + noise * rng.standard_normal(states.shape)
+    return table.assign(voltage_V=voltage, current_A=logged[:, 0], speed_rad_s=logged[:, 1])
+
+
 def _foreign(tables: Tables, rng: np.random.Generator) -> Tables:
     """Replace the second run by a run of another motor."""
     other = make_campaign(int(tables[0].attrs["motor"]) + 1, rows=len(tables[0]))
@@ -187,6 +249,16 @@ FAULTS: Final[tuple[Fault, ...]] = (
     *_both("voltage reversed", _scaled("voltage_V", -1.0), corrected=True),
     *_both("speed unsigned", _magnitude("speed_rad_s")),
     *_both("current unsigned", _magnitude("current_A")),
+    *_both("voltage unsigned", _magnitude("voltage_V"), ("suspect", "refuse")),
+    *_both(
+        "direction of the voltage not mapped",
+        _direction_unmapped,
+        ("suspect", "refuse"),
+        corrected=True,
+    ),
+    Fault("coasting at duty 0", "one", "suspect", _coasting("one")),
+    Fault("coasting at duty 0", "all", "suspect", _coasting("all")),
+    *_both("speed sensor ripple", _rippled, ("none", "none")),
     *_both("rpm", _scaled("speed_rad_s", _RPM), ("refuse", "suspect"), corrected=True),
     *_both("mA", _scaled("current_A", 1e3), ("refuse", "suspect"), corrected=True),
     *_both("mV", _scaled("voltage_V", 1e3), ("refuse", "suspect"), corrected=True),

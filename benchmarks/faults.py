@@ -98,7 +98,7 @@ def seen(fault: Fault, motor: int, rows: int) -> Seen:
         findings = verdict.refused or verdict.findings
         words = str(findings[0]) if findings else ""
         after = findings[0].severity if findings else before
-        corrections = [word for f in findings for word in f.corrections]
+        corrections = [word for f in verdict.findings for word in f.corrections]
         corrected = _is_corrected(paths, corrections) if corrections else None
     return Seen(before, after, corrected, words)
 
@@ -168,7 +168,9 @@ _MET = {
     "refuse": ("refuse",),
     "suspect": ("refuse", "suspect"),
     "warn": ("refuse", "suspect", "warn"),
+    "none": ("", "warn"),
 }
+_COUNTED = ("refuse", "suspect", "warn")
 
 
 def document(done: Sequence[dict[str, Any]], command: str) -> str:
@@ -188,7 +190,8 @@ def document(done: Sequence[dict[str, Any]], command: str) -> str:
         "drawn between 1 W and 10 kW.",
         "`refuse`: exit status 2; `suspect` and `warn`: a warning in the result.",
         "Before: outcome of the reader without the checks; `warn` is a warning with exit status 0.",
-        "Met: campaigns with the expected outcome or a more severe one.",
+        "Met: campaigns with the expected outcome or a more severe one; where `none` is expected, "
+        "the search for effects explains the fault, and no check may refuse or suspect the run.",
         "Corrected: campaigns without findings after the proposed `--map` options were applied, "
         "of those with a proposal.",
         "",
@@ -214,7 +217,7 @@ def document(done: Sequence[dict[str, Any]], command: str) -> str:
 
 
 def _row(fault: Fault, mine: Sequence[dict[str, Any]]) -> str:
-    count = {word: sum(d["after"] == word for d in mine) for word in _MET}
+    count = {word: sum(d["after"] == word for d in mine) for word in _COUNTED}
     met = sum(d["after"] in _MET[fault.outcome] for d in mine)
     proposed = [d["corrected"] for d in mine if d["corrected"] is not None]
     cells = [

@@ -33,7 +33,7 @@ from identification.checks.balance import (
     mean_square,
     regress,
 )
-from identification.checks.finding import Finding
+from identification.checks.finding import Finding, signed
 from identification.ingest.run import Run
 
 __all__ = [
@@ -66,6 +66,10 @@ _FEWEST: Final = 30
 _SMOOTH: Final = 0.9
 """Autocorrelation above which less than a tenth of the variance of a speed is noise."""
 _UNEXPLAINED: Final = 0.6
+_CONSTANT: Final = 0.01
+"""Largest standard deviation of a voltage that is constant for the motor, relative to its mean."""
+_LEVEL: Final = 10.0
+"""Least mean of a constant voltage that may be a magnitude, in standard deviations."""
 
 
 def copied_findings(run: Run, signals: Signals) -> Iterator[Finding]:
@@ -258,22 +262,32 @@ def unlogged_voltage_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     speed = signals.speed
     if speed.size < _FEWEST or _autocorrelation(speed) < _SMOOTH:
         return
-    if np.std(speed) < 0.1 * float(np.max(np.abs(speed))) or not _is_noise(signals, "voltage"):
+    level, scatter = float(np.mean(signals.voltage)), float(np.std(signals.voltage))
+    is_constant = _is_noise(signals, "voltage") or scatter < _CONSTANT * abs(level)
+    if np.std(speed) < 0.1 * float(np.max(np.abs(speed))) or not is_constant:
         return
     missed, _ = _missed(speed, [signals.current, np.gradient(signals.current, signals.time)])
     if missed >= _UNEXPLAINED:
+        remedy = "log the voltage at the motor terminals"
+        # The magnitude of a voltage that switches between two signs is constant.
+        is_level = abs(level) > _LEVEL * scatter
+        if is_level:
+            remedy += (
+                ", or map a magnitude times a column of the direction, voltage_V=HEADER * DIRECTION"
+            )
         yield Finding(
             "unlogged_voltage",
             "suspect",
             run.name,
             "voltage_V",
-            f"is constant apart from noise ({float(np.mean(signals.voltage)):.4g} V) while the "
+            f"is constant ({level:.4g} V, standard deviation {scatter:.2g} V) while the "
             "speed changes, and the current does not fit a constant voltage; check that the "
             "voltage at the motor terminals was logged",
             "fraction of the speed variance that a constant voltage leaves unexplained",
             missed,
             _UNEXPLAINED,
-            remedy="log the voltage at the motor terminals",
+            signed(run, "voltage_V") if is_level else (),
+            remedy,
         )
 
 

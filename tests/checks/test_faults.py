@@ -18,6 +18,7 @@ MET = {
     "refuse": {"refuse"},
     "suspect": {"refuse", "suspect"},
     "warn": {"refuse", "suspect", "warn"},
+    "none": {"", "warn"},
 }
 SMALL_MOTOR = 7001
 """33 W, 27 V: of all wrong units, only mV exceeds the bounds of the reader."""

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.commands.arguments import mapping_of
 from identification.checks import check_runs
 from identification.checks.balance import signals_of
 from identification.checks.dead import NOISE_PROBABILITY, noise_probability
-from identification.ingest.run import Run
+from identification.ingest import Run, read_run
 from tests.motors import MOTORS, Motor, campaign, motor_named, run_of
 
 SERVO = motor_named("servo 100 W")
@@ -81,6 +82,26 @@ def test_a_voltage_that_was_not_logged_is_suspected(logged: float) -> None:
     (finding,) = check_runs([dead]).findings
 
     assert (finding.code, finding.severity) == ("unlogged_voltage", "suspect")
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.02])
+def test_a_switched_voltage_logged_as_its_magnitude_is_signed_by_the_direction(
+    offset: float,
+) -> None:
+    """A voltage of alternating sign is constant as a magnitude, but for the zero of its sensor."""
+    run = campaign(SERVO, seed=4, runs=1, rows=3 * ROWS, kind="binary")[0]
+    run = replace(run, voltage=run.voltage + offset)
+    table = run.table().assign(dir=(run.voltage > 0.0).astype(int))
+    unsigned = table.assign(voltage_V=table["voltage_V"].abs())
+
+    (finding,) = check_runs([read_run(unsigned, name="run.csv")]).findings
+
+    assert finding.code == "unlogged_voltage"
+    assert finding.corrections == ("run.csv:voltage_V=voltage_V * dir in V",)
+    mapping = mapping_of(None, finding.corrections)
+    restored = read_run(unsigned, name="run.csv", mapping=mapping)
+    np.testing.assert_allclose(restored.voltage, run.voltage)
+    assert check_runs([restored]).findings == ()
 
 
 def test_a_run_up_at_a_constant_voltage_is_sound() -> None:
