@@ -122,7 +122,8 @@ def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
     }  # fmt: skip
     rates = [run["sample_rate_hz"] for run in runs]
     spans = [run["rows"] / run["sample_rate_hz"] for run in runs]
-    rows, interval = _grid(options, float(np.median(rates)), float(np.median(spans)))
+    fast, _ = time_constants(models)
+    rows, interval = _grid(options, float(np.median(rates)), float(np.median(spans)), fast)
     controllers = (result.get("options") or {}).get("controllers") or ["P:1"]
     peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
     limits = _limits(options, known)
@@ -159,8 +160,8 @@ def task_of_nameplate(text: str, options: DesignOptions) -> Task:
         )
     stall, speed = plate.voltage / plate.resistance, plate.voltage / plate.constant
     models = nameplate_models(plate, stall)
-    slow = max(time_constants([one])[1] for one in models)
-    rows, interval = _grid(options, 1000.0, max(10.0 * slow, 2.0))
+    fast, slow = time_constants(models)
+    rows, interval = _grid(options, 1000.0, max(10.0 * slow, 2.0), fast)
     known = {"voltage": plate.voltage, "current": stall, "speed": _OVERSPEED * speed}
     limits = _limits(options, known)
     return Task(
@@ -192,14 +193,27 @@ def _limits(options: DesignOptions, known: Mapping[str, float | None]) -> Limits
     return Limits(**found)
 
 
-def _grid(options: DesignOptions, rate: float, duration: float) -> tuple[int, float]:
-    """Number of samples and sample interval [s]."""
+def _grid(options: DesignOptions, rate: float, duration: float, fast: float) -> tuple[int, float]:
+    """Number of samples and sample interval [s].
+
+    `duration` is the usual one, `fast` the shortest time constant of the motor [s].
+
+    Raises:
+        OptionError: There are too few or too many samples, or the run is too short for the motor.
+    """
     rate = options.rate or rate
     rows = round(rate * (options.duration or min(duration, _USUAL_ROWS / rate)))
     if not _FEWEST_ROWS <= rows <= _MOST_ROWS:
         raise OptionError(
             f"duration times rate gives {rows} samples; expected {_FEWEST_ROWS} to {_MOST_ROWS}",
             value=rows,
+        )
+    if rows < fast * rate:
+        raise OptionError(
+            f"the run lasts {rows / rate:.3g} s ({rows} samples at {rate:.4g} Hz); expected more "
+            f"than {fast:.3g} s, the shortest time constant of the motor; give a longer duration "
+            "or a lower rate",
+            value=rows / rate,
         )
     return rows, 1.0 / rate
 

@@ -106,6 +106,12 @@ class Specification:
             )
         if not _LEAST_SAMPLE <= self.sample_time < math.inf:
             wrong.append(f"sample_time is {self.sample_time:g} s; expected at least 1e-7 s")
+        times = [time for time in (self.rise_time, self.settling_time) if time and time > 0]
+        if times and min(times) < self.sample_time < math.inf:
+            wrong.append(
+                f"sample_time is {self.sample_time:g} s; expected at most the required "
+                f"{min(times):g} s, within which the controller has to act"
+            )
         if not self.required:
             wrong.append(f"it requires nothing; expected at least one of {', '.join(METRICS)}")
         if wrong:

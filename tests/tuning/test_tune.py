@@ -123,6 +123,10 @@ def test_worst_case_is_at_the_temperature_where_the_metric_is_worst() -> None:
         ("rise_time=-1,overshoot=0", ["rise_time is -1", "overshoot is 0"]),
         ("voltage=24", ["requires nothing"]),
         ("overshoot=5,sample_time=1e-3,delay=1", ["delay is 1 s"]),
+        (
+            "rise_time=0.2,settling_time=0.1,sample_time=1e9",
+            ["sample_time is 1e+09 s; expected at most the required 0.1 s"],
+        ),
         ("overshoot=5,overshoot=6", ["given twice"]),
         ("overshoot=nan", ["overshoot is not a number"]),
     ],

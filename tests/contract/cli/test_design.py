@@ -38,6 +38,7 @@ def test_design_writes_a_profile_and_describes_it(
         ([], "--nameplate"),
         ([*PLATE, "--limit", "torque=3"], "torque"),
         ([*PLATE, "--duration", "1e6"], "samples"),
+        ([*PLATE, "--rate", "1e12"], "shortest time constant of the motor; give a longer duration"),
         ([*PLATE, "--narrow", "Rb25"], "Ra25"),
         (["--nameplate", "voltage=12", "no_load_speed=3000rpm"], "stall_current"),
     ],
