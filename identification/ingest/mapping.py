@@ -286,6 +286,8 @@ def _number(channel: str, key: str, value: object) -> float:
             key, "a finite number"
         )
         wanted += ", of at least 2.2e-308 in magnitude" if is_denormal else ""
+        is_huge = isinstance(value, (int, float)) and _HUGE <= abs(value) < math.inf
+        wanted += f", below {_HUGE:g} in magnitude" if is_huge else ""
         raise MappingError(
             f"{channel} has the {key} {_shown(value)}; expected {wanted}", value=value
         )
@@ -293,6 +295,8 @@ def _number(channel: str, key: str, value: object) -> float:
 
 
 def _shown(value: object) -> str:
+    if isinstance(value, str):
+        return f'"{plain(value)}"'
     # Python refuses to print integers of thousands of digits.
     huge = isinstance(value, int) and abs(value) >= _HUGE
     return "(a huge integer)" if huge else quoted(repr(value))

@@ -46,7 +46,7 @@ def check_time(time: Array, locator: SourceLocator) -> None:
         )
         raise locator.error(RepeatedTime, message, "time_s", sample, now)
     message = (
-        f"the time decreases from {before:.9g} s to {now:.9g} s; "
+        f"the time decreases from {before + 0.0:.9g} s to {now:.9g} s; "
         "a file is one run in order of time; cut it here, or correct the overflow of the counter"
     )
     raise locator.error(BackwardTime, message, "time_s", sample, now)

@@ -179,7 +179,17 @@ def test_column_may_be_named_by_any_of_its_header_rows(tmp_path: Path) -> None:
         (mapping(current_A={"column": "CH2", "scale": -5e-324}), MappingError, "'-5e-324'"),
         (mapping(current_A={"column": "CH2", "offset": 1e-320}), MappingError, "'1e-320'"),
         (mapping(current_A={"column": "CH2", "scale": True}), MappingError, "the scale 'True'"),
-        (mapping(current_A={"column": "CH2", "scale": "2"}), MappingError, "a finite number"),
+        (
+            mapping(current_A={"column": "CH2", "scale": "2"}),
+            MappingError,
+            r'the scale "2"; .* finite',
+        ),
+        (
+            mapping(current_A={"column": "CH2", "offset": 1e308}),
+            MappingError,
+            r"the offset '1e\+308'; expected a finite number, below 1e\+300 in magnitude",
+        ),
+        ({"table": ""}, MappingError, 'table is ""; expected the name of a sheet'),
         (mapping(current_A={"column": "CH2", "scale": math.nan}), MappingError, "'nan'"),
         (mapping(current_A={"column": "CH2", "offset": math.inf}), MappingError, "'inf'"),
         (mapping(current_A={"column": "CH2", "scale": 10**5000}), MappingError, "huge integer"),
