@@ -249,6 +249,12 @@ def load_settings(**given: object) -> Settings:
         first = error.errors(include_url=False, include_context=False)[0]
         name = ".".join(str(part) for part in first["loc"])
         text = first["msg"].removeprefix("Value error, ")
+        # Only a number has bounds; other inputs may be secrets.
+        if first["type"].startswith(("less_than", "greater_than")):
+            text = text.replace("Input should be", "expected a number")
+            raise OptionError(
+                f"{name} is {first['input']}; {text}", value=first["input"]
+            ) from error
         raise OptionError(f"{name}: {text}" if name else text) from error
 
 

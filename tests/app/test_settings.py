@@ -49,6 +49,16 @@ def test_invalid_setting_is_named_on_one_line(
     assert "\n" not in str(caught.value)
 
 
+def test_number_out_of_its_bounds_is_shown_with_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As an argument and from the environment."""
+    words = "^port is 99999; expected a number less than or equal to 65535$"
+    with pytest.raises(OptionError, match=words):
+        load_settings(port=99999)
+    monkeypatch.setenv("MOTORID_PORT", "99999")
+    with pytest.raises(OptionError, match=words):
+        load_settings()
+
+
 def test_lease_must_outlast_heartbeats() -> None:
     """One late heartbeat must not lose the lease."""
     with pytest.raises(OptionError, match="at least two heartbeats"):
