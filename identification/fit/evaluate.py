@@ -25,8 +25,11 @@ __all__ = [
     "voltage_noise_power",
 ]
 
-_TRACKED: Final = 2
-"""Alternations between the angles and the initial states, which depend on each other."""
+_TRACKED: Final = 8
+"""Alternations at most between the angles and the initial states, which depend on each other."""
+_ENOUGH: Final = 1e-3
+"""Gain per sample below which another alternation is not worth its work [log likelihood]: the error
+changes by a thousandth."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,24 @@ def _tracked(
     if not any(term.tracked for term in simulator.model.terms):
         return simulator, states
     simulator = simulator.roughly_accurate(values, states, deviation)
+    least = _ENOUGH * sum(record.measured.size for record in simulator.records)
+    cost = np.inf
     for _ in range(_TRACKED):
-        simulator, begun = tracked(simulator, values, states, deviation)
-        states = fitted_initial_states(simulator, values, deviation, start=begun)
+        found, begun = tracked(simulator, values, states, deviation)
+        begun = fitted_initial_states(found, values, deviation, start=begun)
+        before, cost = cost, _cost(found, values, begun, deviation)
+        if not cost < before:
+            break
+        simulator, states = found, begun
+        if before - cost < least:
+            break
     return simulator, states
+
+
+def _cost(
+    simulator: Simulator, values: Array, states: tuple[Array, ...], deviation: Array
+) -> float:
+    """Negative log likelihood of records with known noise, up to a constant."""
+    logged = simulator.logged(values[:, None], states)
+    errors = [r.measured - y[:, :, 0] for r, y in zip(simulator.records, logged, strict=True)]
+    return 0.5 * float(np.sum(squares_of(simulator.records, errors) / deviation**2))
