@@ -116,7 +116,8 @@ class BatchService:
 
         def add(session: Session) -> None:
             self._quotas.check_fits(session, caller.workspace, len(requests))
-            check_runs(session, caller, *requests)
+            for (own, _), motor in zip(made, check_runs(session, caller, *requests), strict=True):
+                own.motor = own.motor or motor
             session.add(row)
             session.flush()
             fits.add(session, *made)

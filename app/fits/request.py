@@ -73,10 +73,13 @@ def new_row(caller: Caller, request: FitRequest) -> FitRow:
     )
 
 
-def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
+def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> list[str | None]:
     """Check that the runs exist and that no validation run equals a training run of the same fit.
 
     The rows of the runs stay locked against deletion until the session ends.
+
+    Returns:
+        For each request the motor to which all of its runs belong; None if there is none.
 
     Raises:
         NotFound: A run is not in the caller's workspace; with several requests, the message names
@@ -86,9 +89,11 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
     """
     # One query for all runs keeps the write transaction short.
     named = {run_id for r in requests for run_id in (*r.training, *r.validation)}
-    hashes = _hashes(
+    stored = _stored(
         session, caller.workspace, [run_id for run_id in named if is_id("run", run_id)]
     )
+    hashes = {run_id: sha256 for run_id, (sha256, _) in stored.items()}
+    shared: list[str | None] = []
     for position, request in enumerate(requests):
         place = f"motors.{position} ({request.motor or 'no name'}): " if len(requests) > 1 else ""
         for run_id in (*request.training, *request.validation):
@@ -104,18 +109,23 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> None:
                     f"{fitted[hashes[run_id]]} in training; use runs that are not fitted",
                     "validation",
                 )
+        motors = {stored[run_id][1] for run_id in (*request.training, *request.validation)}
+        shared.append(motors.pop() if len(motors) == 1 else None)
+    return shared
 
 
-def _hashes(session: Session, workspace: str, run_ids: Sequence[str]) -> dict[str, str]:
-    """SHA-256 of those runs that exist, by ID; locks their rows against deletion."""
+def _stored(
+    session: Session, workspace: str, run_ids: Sequence[str]
+) -> dict[str, tuple[str, str | None]]:
+    """SHA-256 and motor of those runs that exist, by ID; locks their rows against deletion."""
     # SQLite rates an index on the workspace as more selective than 500 IDs and would read all runs
     # of the workspace in each query.  No index applies to an expression.
     is_theirs = RunRow.workspace.concat("") == workspace
-    found: dict[str, str] = {}
+    found: dict[str, tuple[str, str | None]] = {}
     for some in portions(run_ids):
-        query = select(RunRow.id, RunRow.sha256).where(RunRow.id.in_(some), is_theirs)
+        query = select(RunRow.id, RunRow.sha256, RunRow.motor).where(RunRow.id.in_(some), is_theirs)
         rows = session.execute(query.with_for_update(read=True))
-        found.update((run_id, sha256) for run_id, sha256 in rows)
+        found.update((run_id, (sha256, motor)) for run_id, sha256, motor in rows)
     return found
 
 

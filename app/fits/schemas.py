@@ -128,7 +128,7 @@ class FitRuns(Received):
     validation: list[RunId] = Field(default=[], max_length=200)
     """Validation runs; they are never fitted."""
     motor: Motor | None = None
-    """Name of the motor."""
+    """Name of the motor; null: that of the runs, if all of them have the same."""
 
     def request(self, options: FitOptionsIn, motor_type: str | None = None) -> FitRequest:
         """Convert to the request that the service takes."""

@@ -61,6 +61,8 @@ class FitService:
     def create(self, caller: Caller, request: FitRequest, idempotency_key: str | None) -> StoredFit:
         """Submit a fit, which is queued and computed in the background.
 
+        A request without a motor is for the motor to which all of its runs belong.
+
         The same key with the same request returns the same fit, however often it is sent.
 
         Raises:
@@ -75,7 +77,8 @@ class FitService:
         row.idempotency_key = key
 
         def add(session: Session) -> None:
-            check_runs(session, caller, request)
+            (motor,) = check_runs(session, caller, request)
+            row.motor = row.motor or motor
             self._quotas.check_fits(session, caller.workspace, 1)
             repository.add(session, (row, request))
 

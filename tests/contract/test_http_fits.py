@@ -291,6 +291,23 @@ def test_idempotency_key_belongs_to_a_workspace(alice: Caller, bob: Caller, stor
     assert ours.json()["id"] != theirs.json()["id"]
 
 
+def test_fit_without_a_motor_is_for_the_one_of_all_its_runs(alice: Caller) -> None:
+    """Runs of two motors, or one without, leave it open; a given name counts."""
+    own, other = f"motor {uuid.uuid4()}", f"motor {uuid.uuid4()}"
+    first, second, third, nameless = (
+        alice.upload(run_text(seed), f"{seed}.csv", **fields)["id"]
+        for seed, fields in enumerate(({"motor": own}, {"motor": own}, {"motor": other}, {}), 60)
+    )
+
+    def named(**body: object) -> object:
+        return alice.http.post("/fits", json=body).json()["motor"]
+
+    assert named(training=[first], validation=[second]) == own
+    assert named(training=[first, third]) is None
+    assert named(training=[first], validation=[nameless]) is None
+    assert named(training=[first, second], motor=other) == other
+
+
 def test_fits_are_listed_by_state_and_motor(alice: Caller, stored: str) -> None:
     """Both filters apply, and the entries contain no result."""
     motor = f"motor {uuid.uuid4()}"
