@@ -140,7 +140,7 @@ def test_restore_to_a_full_disk_does_not_blame_the_backup(
     there = tmp_path / "there"
     if is_there:
         there.mkdir()
-    monkeypatch.setattr(restoring, "copied", raising(no_space()))
+    monkeypatch.setattr(restoring, "stored", raising(no_space()))
 
     line = refusal(["restore", str(tmp_path / place), "--data-dir", str(there)], capsys)
 
