@@ -20,6 +20,9 @@ _SUBSTITUTES: Final[dict[Source, str]] = {
     "parameters near a bound and for strongly confounded parameters",
 }
 
+_STUCK: Final = 1000
+"""R-hat from which its value says no more than that no walker moved [-]."""
+
 
 def early_stop_warnings(
     final: Fit,
@@ -75,10 +78,12 @@ def _undecided(outcome: Outcome, effort: str, limit: str) -> list[ResultWarning]
 
 def _unconverged(sample: Sample, effort: str, limit: str) -> ResultWarning:
     found = sample.convergence
+    # Walkers that stay in place have hardly any variance within a half, by which R-hat is divided.
+    r_hat = f"{found.r_hat_max:.3f}" if found.r_hat_max < _STUCK else f"above {_STUCK}"
     message = (
         f"the sampler did not converge: it stopped after {found.steps} steps, "
         f"{found.steps / found.autocorrelation_time:.1f} autocorrelation times, with R-hat "
-        f"{found.r_hat_max:.3f}; expected at least {REQUIRED_LENGTH:g} and at most "
+        f"{r_hat}; expected at least {REQUIRED_LENGTH:g} and at most "
         f"{LARGEST_R_HAT}; "
         + _SUBSTITUTES[sample.source]
         + (f"; it stopped at {limit}" if limit else "")

@@ -1,0 +1,29 @@
+"""Warnings of stages that stopped early."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from identification.fit.solve import Fit
+from identification.posterior.convergence import Convergence
+from identification.posterior.sample import Sample
+from identification.result.early_stop import early_stop_warnings
+
+
+@pytest.mark.parametrize(
+    ("r_hat", "text"), [(1.0374, "R-hat 1.037;"), (2.5e16, "R-hat above 1000;")]
+)
+def test_r_hat_of_walkers_that_stay_in_place_is_no_row_of_digits(r_hat: float, text: str) -> None:
+    """It is divided by a variance that is nearly zero."""
+    convergence = Convergence(32, 10, 0.0, 10.0, 1.0, r_hat, reached=False)
+    sample = Sample(np.zeros((10, 32, 1)), None, ("Ra25",), ("ohm",), convergence, "normal")
+    converged = cast(Fit, SimpleNamespace(converged=True))
+
+    (warning,) = early_stop_warnings(converged, None, sample, "normal", None)
+
+    assert warning.code == "sampler_not_converged"
+    assert text in warning.message
