@@ -226,7 +226,12 @@ def final_path(
     estimated anew if the final model has effects of sensors as well as of the motor.
     """
     values = _with_draws(final, draws)
-    path = FinalPath(final, values, final.simulator.states(values, final.states), localisation)
+    states = final.simulator.states(values, final.states)
+    # A draw that diverges, as a wide normal approximation may have, would leave no median.
+    finite = np.all([np.isfinite(each).all(axis=(0, 1)) for each in states], axis=0)
+    finite[0] = True
+    kept = [each[:, :, finite] for each in states]
+    path = FinalPath(final, values[:, finite], kept, localisation)
     return path.keeping([t.name for t in final.simulator.model.terms if t.equation == "sensor"])
 
 

@@ -106,6 +106,18 @@ SPRINGY = [0.6, 300.0, 0.05, 0.0]
 """Sixty percent of the inertia behind a shaft, which swings at 300 rad/s."""
 
 
+def test_draws_that_diverge_leave_the_curve_and_its_band(declared: Fit) -> None:
+    """A motor whose resistance is negative burns; the other draws are drawn."""
+    final = with_effect(declared, CoulombFriction(0.01, 1.0), [0.004, 0.5])
+    draws = {name: np.full(20, v) for name, v in final.by_name.items()}
+    draws["Ra25"][::4] *= -1e3
+
+    (term,) = missing_terms(final_path(final, draws, None))
+
+    assert np.isfinite(term.median).all()
+    assert np.isfinite(term.q05).all()
+
+
 def test_friction_of_a_motor_with_an_elastic_shaft_is_drawn_as_its_law(declared: Fit) -> None:
     """The torque acts on the rotor, 40 % of the inertia, and is still the torque in N m."""
     sprung = with_effect(declared, SHAFT, SPRINGY)
