@@ -11,7 +11,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.effects.effect import effects_of
 from identification.fit.initial import fitted_initial_states
-from identification.fit.order_tracking import tracked
+from identification.fit.order_tracking import is_tracked, tracked
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_own_temperatures
 from identification.model.excitation import Record, squares_of
@@ -115,7 +115,7 @@ def _tracked(
     simulator: Simulator, values: Array, states: tuple[Array, ...], deviation: Array
 ) -> tuple[Simulator, tuple[Array, ...]]:
     """Simulator with tracked angles, and the initial states at them."""
-    if not any(term.tracked for term in simulator.model.terms):
+    if not is_tracked(simulator.model):
         return simulator, states
     simulator = simulator.roughly_accurate(values, states, deviation)
     least = _ENOUGH * sum(record.measured.size for record in simulator.records)

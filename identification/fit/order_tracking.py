@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from identification.arrays import Array
-from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
 from identification.model.composite import MotorModel
 from identification.model.excitation import Record, sample_interval
 from identification.model.simulate import Simulator
@@ -43,8 +42,6 @@ __all__ = [
     "block_products",
     "is_tracked",
     "path_size",
-    "retracked",
-    "shortened",
     "tracked",
 ]
 
@@ -55,11 +52,6 @@ _FINE: Final = 0.02
 _NEGLIGIBLE: Final = 0.02
 """Variance of the phase error over a record below which the angle is not corrected [rad^2]; it
 lowers an average amplitude by half a per cent."""
-_ENOUGH: Final = 1e-4
-"""Gain per sample below which another correction of the angles is not worth its fit [log
-likelihood]: the residual changes by a ten-thousandth."""
-_ROUGHLY: Final = 1e-3
-"""The same for corrections between short fits, which a fit to the optimum follows."""
 _STEP: Final = 0.01
 """Step of the finite differences, relative to the scale of the torque or one radian [-]."""
 _NO_RESPONSE: Final = 1e-12
@@ -68,11 +60,6 @@ _FEWEST: Final = 10
 """Samples of a block at least."""
 _PASSES: Final = 3
 """Corrections of the angle; the phase errors of a pass are those that the previous one left."""
-_SHORT: Final = 3
-"""Steps of a fit between two corrections: at wrong angles, further steps only move the parameters
-to what the wrong phases require."""
-_CORRECTIONS: Final = 12
-"""Alternations of correction and fit at most."""
 
 
 def tracked(
@@ -118,42 +105,8 @@ def tracked(
     return simulator, tuple(found)
 
 
-def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
-    """The fit with the angles tracked at its optimum, or the fit itself if that is no better.
-
-    Angles and parameters depend on each other: corrections alternate with short fits until one
-    gains hardly anything, before the fit to the optimum.
-    """
-    roughly = _alternated(fit, shortened(limits), _CORRECTIONS, _ROUGHLY)
-    if roughly is fit:
-        return _alternated(fit, limits, _PASSES, _ENOUGH)
-    found = _alternated(roughly, limits, 1, _ENOUGH)
-    return renewed(continued(found, limits), limits) if found is roughly else found
-
-
-def _alternated(fit: Fit, limits: TerminationLimits | None, corrections: int, enough: float) -> Fit:
-    """The fit after corrections of the angles, each followed by a refit that gains enough."""
-    least = enough * float(fit.weighting.counts.sum())
-    for _ in range(corrections):
-        simulator, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
-        if simulator is fit.simulator:
-            break
-        weighting = replace(fit.weighting, records=simulator.records)
-        other = solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
-        if not other.cost < fit.cost - least:
-            break
-        fit = other
-    return fit
-
-
-def shortened(limits: TerminationLimits | None) -> TerminationLimits:
-    """The limits with the few steps that are worth taking before the angles are corrected."""
-    limits = limits or TerminationLimits()
-    return replace(limits, steps=min(_SHORT, limits.steps))
-
-
 def is_tracked(model: MotorModel) -> bool:
-    """Whether a term of the model depends on an angle that is corrected by tracking."""
+    """True if a term of the model depends on an angle that is corrected by tracking."""
     return any(term.tracked for term in model.terms)
 
 

@@ -196,7 +196,7 @@ def _supplied_column(title: str) -> Column:
 
 
 def _is_product(mapping: Mapping[str, ChannelMapping]) -> bool:
-    """Whether a mapping gives the voltage as duty and bus voltage, without the voltage itself."""
+    """True if a mapping gives the voltage as duty and bus voltage, without the voltage itself."""
     given = [name for name in FACTOR_QUANTITIES if name in mapping and mapping[name].is_given]
     if given and "voltage_V" in mapping:
         raise MappingError(

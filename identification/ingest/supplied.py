@@ -114,7 +114,7 @@ def _signs(directions: Array, cells: Array, name: str, locator: SourceLocator) -
 
 
 def _stopped(signs: Array, cells: Array, name: str, locator: SourceLocator) -> str:
-    """What the warning says of the samples (n_sample,) with a factor of 0; empty without any."""
+    """Part of the warning on samples (n_sample,) with a factor of 0; empty without any."""
     stops = signs == 0.0
     if not np.any(stops):
         return ""

@@ -110,6 +110,7 @@ class Scan:
         self._preparation = _COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
         self._source, self._effort, self._key = (step, prepare), effort, key
         self._kernels: dict[tuple[Level | None, int], Loaded | Interpreted] = {}
+        # Passes for which wide blocks would end first.
         self._suited = 0
 
     def _form(self, rows: int) -> Level | None:

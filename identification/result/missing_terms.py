@@ -260,7 +260,7 @@ def _acts_in_motor(term: AbstractTerm) -> bool:
 
 
 def _is_steep(term: AbstractTerm) -> bool:
-    """Whether the voltage or torque of the effect is in proportion to di/dt or dw/dt."""
+    """True if the voltage or torque of the effect is in proportion to di/dt or dw/dt."""
     return isinstance(term, AbstractCoefficient) and term.coefficient in ("L", "J")
 
 

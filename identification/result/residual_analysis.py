@@ -25,6 +25,7 @@ from identification.fit.evaluate import (
     simulate_unseen,
 )
 from identification.fit.noise import noise_deviation
+from identification.fit.order_tracking import is_tracked
 from identification.fit.sensors import bounded_noise
 from identification.fit.solve import Fit
 from identification.result.entries import NEAR_NOISE, NOTHING, finite_or_null
@@ -65,7 +66,7 @@ class ResidualAnalysis:
                 "validation": simulate_unseen(
                     fit,
                     self.campaign.validation,
-                    whole=any(term.tracked for term in fit.simulator.model.terms),
+                    whole=is_tracked(fit.simulator.model),
                 ),
             }
             for stage, fit in (("before", self.declared), ("after", self.final))

@@ -26,8 +26,9 @@ from identification.arrays import Array
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import simulate_unseen
 from identification.fit.initial import fitted_initial_states
-from identification.fit.order_tracking import is_tracked, retracked, shortened, tracked
-from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
+from identification.fit.order_tracking import tracked
+from identification.fit.solve import Fit, TerminationLimits, solve
+from identification.fit.tracked_fit import solve_tracked
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator
 from identification.model.weighting import Weighting
@@ -82,12 +83,7 @@ def fitted_to(records: Sequence[Record], fit: Fit, limits: TerminationLimits | N
     simulator = simulator.accurate(values, states, deviation)
     simulator, states = tracked(simulator, values, states, deviation)
     weighting = replace(Weighting.white(simulator.records), deviation=deviation)
-    begin = (simulator, fit.coordinates, fit.position, states, weighting)
-    if not is_tracked(model):
-        return solve(*begin, limits)
-    first = solve(*begin, shortened(limits))
-    found = retracked(first, limits)
-    return renewed(continued(found, limits), limits) if found is first else found
+    return solve_tracked(simulator, fit.coordinates, fit.position, states, weighting, limits)
 
 
 def _segments(records: Sequence[Record], residuals: Sequence[Array], rows: int) -> list[Record]:

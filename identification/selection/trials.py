@@ -15,8 +15,8 @@ import numpy as np
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.noise import effective_fraction
-from identification.fit.order_tracking import retracked
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
+from identification.fit.tracked_fit import retracked
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
 from identification.selection.criteria import AcceptanceCriteria, by_chance

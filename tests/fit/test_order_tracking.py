@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.effects.cogging import CoggingTorque
-from identification.fit.order_tracking import path_size, retracked, shortened, tracked
+from identification.fit.order_tracking import path_size, tracked
 from identification.fit.solve import solve
+from identification.fit.tracked_fit import solve_tracked
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.parameter import Coordinates
@@ -113,10 +114,7 @@ def test_noise_alone_gains_less_than_the_phases_cost() -> None:
 
 
 def test_angles_and_parameters_reach_their_common_optimum() -> None:
-    """From J and b that are 50 % too high, another correction of the angles gains nothing.
-
-    Three corrections, each followed by a fit to its optimum, left 0.1 to 0.5 a sample to gain.
-    """
+    """From J and b that are 50 % too high, another correction of the angles gains nothing."""
     noise = np.array([1e-3, SPEED_NOISE])
     for seed in range(3):
         simulator, values, _ = _slow_run(np.random.default_rng(seed), has_cogging=True)
@@ -130,7 +128,7 @@ def test_angles_and_parameters_reach_their_common_optimum() -> None:
         weighting = replace(Weighting.white(begun.records), deviation=noise)
         position = coordinates.of(np.array(wrong))
 
-        fit = retracked(solve(begun, coordinates, position, states, weighting, shortened(None)))
+        fit = solve_tracked(begun, coordinates, position, states, weighting)
 
         again, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
         weighting = replace(fit.weighting, records=again.records)

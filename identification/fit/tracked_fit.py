@@ -1,0 +1,87 @@
+"""Fits of models with an unlogged angle: corrections of the angle alternate with fits.
+
+Angles and parameters depend on each other.  At wrong angles, a fit to the optimum moves the
+parameters to what the wrong phases require, so that only a few steps are worth taking before the
+angles are corrected again (`order_tracking.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from identification.arrays import Array
+from identification.fit.order_tracking import is_tracked, tracked
+from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
+from identification.model.parameter import Coordinates
+from identification.model.simulate import Simulator
+from identification.model.weighting import Weighting
+
+__all__ = ["retracked", "solve_tracked"]
+
+_ENOUGH: Final = 1e-4
+"""Gain per sample below which another correction of the angles is not worth its fit [log
+likelihood]: the residual changes by a ten-thousandth."""
+_ROUGHLY: Final = 1e-3
+"""The same for corrections between short fits, which a fit to the optimum follows."""
+_SHORT: Final = 3
+"""Steps of a fit between two corrections: at wrong angles, further steps only move the parameters
+to what the wrong phases require."""
+_CORRECTIONS: Final = 12
+"""Alternations of correction and fit at most."""
+_PASSES: Final = 3
+"""Corrections at most, each with a fit to the optimum, if no short fit gains."""
+
+
+def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
+    """The fit with the angles tracked at its optimum, or the fit itself if that is no better.
+
+    Angles and parameters depend on each other: corrections alternate with short fits until one
+    gains hardly anything, before the fit to the optimum.
+    """
+    roughly = _alternated(fit, _shortened(limits), _CORRECTIONS, _ROUGHLY)
+    if roughly is fit:
+        return _alternated(fit, limits, _PASSES, _ENOUGH)
+    found = _alternated(roughly, limits, 1, _ENOUGH)
+    return renewed(continued(found, limits), limits) if found is roughly else found
+
+
+def _alternated(fit: Fit, limits: TerminationLimits | None, corrections: int, enough: float) -> Fit:
+    """The fit after corrections of the angles, each followed by a refit that gains enough."""
+    least = enough * float(fit.weighting.counts.sum())
+    for _ in range(corrections):
+        simulator, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
+        if simulator is fit.simulator:
+            break
+        weighting = replace(fit.weighting, records=simulator.records)
+        other = solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
+        if not other.cost < fit.cost - least:
+            break
+        fit = other
+    return fit
+
+
+def solve_tracked(
+    simulator: Simulator,
+    coordinates: Coordinates,
+    position: Array,
+    states: Sequence[Array],
+    weighting: Weighting,
+    limits: TerminationLimits | None = None,
+) -> Fit:
+    """Fit as `solve` does, whose angles are tracked from its first steps on.
+
+    The arguments are those of `solve`; a model without a tracked angle is only fitted.
+    """
+    if not is_tracked(simulator.model):
+        return solve(simulator, coordinates, position, states, weighting, limits)
+    first = solve(simulator, coordinates, position, states, weighting, _shortened(limits))
+    found = retracked(first, limits)
+    return renewed(continued(found, limits), limits) if found is first else found
+
+
+def _shortened(limits: TerminationLimits | None) -> TerminationLimits:
+    """The limits with the few steps that are worth taking before the angles are corrected."""
+    limits = limits or TerminationLimits()
+    return replace(limits, steps=min(_SHORT, limits.steps))
