@@ -51,7 +51,7 @@ from identification.diagnosis.smoothing import smoothed_disturbances
 from identification.fit.sensors import difference_noise
 from identification.fit.solve import Fit
 
-__all__ = ["LEVEL", "Deficiency", "Localisation", "Missing", "localise"]
+__all__ = ["LEVEL", "Deficiency", "Localisation", "Missing", "localise", "smoothed_terms"]
 
 LEVEL: Final = 0.01
 """Probability that a complete model is found deficient in either equation; each has half of it."""
@@ -130,14 +130,8 @@ class Localisation:
 
 def localise(fit: Fit) -> Localisation:
     """Find the deficient equation of a fitted model, with effects or not, and the missing term."""
-    deviation = deviation_of(fit)
-    coarse = _segments(deviation.pieces, _COARSE)
-    both = maximum_likelihood(deviation, coarse, (True, True))
-    known = likelihood(deviation, coarse, both.hyper)
-    # Free the first linearisation, so that the rows are in memory only once.
-    del deviation, coarse
-    deviation = _relinearised(fit, both, known)
-    fits = _nested_fits(deviation, _segments(deviation.pieces, _FINE), both.point)
+    deviation, coarse = _started(fit)
+    fits = _nested_fits(deviation, _segments(deviation.pieces, _FINE), coarse.point)
     longest = longest_correlation_time(fits.pieces)
     gains = fits.gains
     if any(p_value_of(gain, longest) < 0.5 * LEVEL for gain in gains):
@@ -145,17 +139,43 @@ def localise(fit: Fit) -> Localisation:
     both = fits.both
     electrical = _deficiency(deviation, both, 0, gains[0], longest)
     mechanical = _deficiency(deviation, both, 1, gains[1], longest)
+    missing = _traces(fit, deviation, both)
+    white = fits.chosen(deviation, electrical.significant, mechanical.significant)
+    noise = deviation.noise * np.maximum(
+        np.hypot(white.intensities[2:4], white.white), _least_noise(deviation)
+    )
+    return Localisation(electrical, mechanical, np.asarray(noise), missing)
+
+
+def smoothed_terms(fit: Fit) -> tuple[Missing, ...]:
+    """The missing terms of a model known to be deficient, one per training record.
+
+    Neither equation is tested, so that the coarse estimate of the intensities is enough.
+    """
+    deviation, both = _started(fit)
+    return _traces(fit, deviation, both)
+
+
+def _started(fit: Fit) -> tuple[Deviation, Hyperparameters]:
+    """The model linearised at the parameters without the disturbances, and a first estimate."""
+    deviation = deviation_of(fit)
+    coarse = _segments(deviation.pieces, _COARSE)
+    both = maximum_likelihood(deviation, coarse, (True, True))
+    known = likelihood(deviation, coarse, both.hyper)
+    # Free the first linearisation, so that the rows are in memory only once.
+    del deviation, coarse
+    return _relinearised(fit, both, known), both
+
+
+def _traces(fit: Fit, deviation: Deviation, both: Hyperparameters) -> tuple[Missing, ...]:
+    """Smoothed missing terms of all records under the intensities."""
     known = likelihood(deviation, deviation.pieces, both.hyper)
     missing = []
     for k, smoothed in enumerate(smoothed_disturbances(deviation, both.hyper, known)):
         record = fit.simulator.records[k]
         e_v, e_tau, v_sd, tau_sd = np.ascontiguousarray(smoothed.T)
         missing.append(Missing(record.run, record.start, record.time, e_v, v_sd, e_tau, tau_sd))
-    white = fits.chosen(deviation, electrical.significant, mechanical.significant)
-    noise = deviation.noise * np.maximum(
-        np.hypot(white.intensities[2:4], white.white), _least_noise(deviation)
-    )
-    return Localisation(electrical, mechanical, np.asarray(noise), tuple(missing))
+    return tuple(missing)
 
 
 def _least_noise(deviation: Deviation) -> Array:

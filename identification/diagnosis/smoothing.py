@@ -39,7 +39,7 @@ from identification.model.scan import scan_of
 
 __all__ = ["auxiliary_residuals", "smoothed_disturbances"]
 
-_AT_ONCE: Final = 25_000
+_AT_ONCE: Final = 4_000
 """Rows whose covariances are held in memory together.  A longer piece is filtered twice: the second
 pass takes the blocks in reverse order and starts each from the state stored by the first pass."""
 

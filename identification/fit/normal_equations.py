@@ -32,9 +32,8 @@ _LARGEST = 1e100
 
 _LEAST = 1e-60
 """Least entry of a diagonal, over the largest entry of the matrix."""
-_AT_BOUND = 1e-9
-"""Distance from a bound, over the step, below which it is rounding [-]."""
-
+_PULLED: Final = 1e-6
+"""Gradient, in standard deviations of its parameter alone, that releases it from its bound."""
 
 _KEPT: Final = 100_000
 """Samples of all records up to which their sensitivities are cached; 8 MB for ten thousand."""
@@ -67,19 +66,14 @@ class NormalEquations:
         return bool(np.isfinite(self.matrix).all() and np.isfinite(self.gradient).all())
 
     def decrement_within(self, position: Array, coordinates: Coordinates) -> float:
-        """Predicted decrease of the cost by a full step of the free parameters; about 1 by chance.
+        """Predicted decrease of the cost by a full step within the bounds; about 1 by chance.
 
-        A parameter at a bound that its step from `position` would cross stays there.  A decrease
-        predicted beyond the bound is out of reach.  If no step can be computed, the decrease is
-        infinite.
-
-        Source:
-            Projected Newton method by Bertsekas, SIAM J. Control Optim. 20 (1982), 221-246.
+        If no step can be computed, the decrease is infinite.
         """
         if not self.is_finite:
             return np.inf
-        step = self._free_step(0.0, position, coordinates, self.gradient)
-        return float(0.5 * self.gradient @ step)
+        step = self._step_within(0.0, position, coordinates, self.gradient)
+        return float(self.gradient @ step - 0.5 * step @ self.matrix @ step)
 
     def steps(
         self, dampings: Array, position: Array, coordinates: Coordinates
@@ -152,30 +146,40 @@ class NormalEquations:
     ) -> tuple[Array, list[Array]]:
         steps, moves = np.zeros_like(gradients), [np.zeros_like(g) for g in state_gradients]
         for lane in np.flatnonzero(np.isfinite(gradients).all(axis=0)):
-            step = self._free_step(dampings[lane], position, coordinates, gradients[:, lane])
-            step = np.clip(position + step, coordinates.lower, coordinates.upper) - position
+            step = self._step_within(dampings[lane], position, coordinates, gradients[:, lane])
             steps[:, lane] = step
             for k, right in enumerate(state_gradients):
                 own = right[:, lane] - self.couplings[k] @ step
                 moves[k][:, lane] = solution(self.state_matrices[k], own)
         return steps, moves
 
-    def _free_step(
+    def _step_within(
         self, damping: float, position: Array, coordinates: Coordinates, gradient: Array
     ) -> Array:
-        """(n_parameter,) step; zero for a parameter at a bound that the step would cross."""
+        """(n_parameter,) step that minimises the damped quadratic model within the bounds.
+
+        An active-set method: parameters whose steps would cross their bounds go to the bounds and
+        stay there, and the others are solved again; one that the remaining gradient pulls inside is
+        released.
+        """
         damped = self.matrix + damping * np.diag(np.diag(self.matrix))
+        least, most = coordinates.lower - position, coordinates.upper - position
+        size, step = _sizes(damped), np.zeros(position.size)
         free = np.ones(position.size, dtype=bool)
-        step = np.zeros(position.size)
-        for _ in range(position.size):
-            step[:] = 0.0
-            step[free] = _solved(damped[np.ix_(free, free)], gradient[free])
-            room = np.where(step < 0, position - coordinates.lower, coordinates.upper - position)
-            beyond = free & (room <= _AT_BOUND * np.abs(step)) & (step != 0)
-            if not beyond.any():
+        for _ in range(3 * position.size):
+            right = gradient[free] - damped[np.ix_(free, ~free)] @ step[~free]
+            step[free] = _solved(damped[np.ix_(free, free)], right)
+            beyond = free & ((step < least) | (step > most))
+            if beyond.any():
+                step = np.clip(step, least, most)
+                free &= ~beyond
+                continue
+            pull = (gradient - damped @ step) / size
+            inside = np.where(free, 0.0, np.where(step <= least, pull, -pull))
+            if not inside.max(initial=0.0) > _PULLED:
                 break
-            free &= ~beyond
-        return step
+            free[int(np.argmax(inside))] = True
+        return np.clip(step, least, most)
 
     def covariance(self, fraction: float = 1.0) -> Array:
         """Covariance of the search coordinates, prior included.

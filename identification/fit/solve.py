@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt with geodesic acceleration for the output-error cost.
+"""Levenberg-Marquardt within bounds for the output-error cost.
 
 The likelihood has independent normal errors with one unknown standard deviation per channel.  With
 these at their optimum, the cost is the sum of N/2 log(SSE) over the channels.  Its Gauss-Newton
@@ -10,14 +10,11 @@ Damping: the steps for a ladder of damping parameters are simulated as parallel 
 one is taken.  After a strongly damped step the ladder is finer, from 0.01 to 100, the range that
 helps in a sharply curved valley.
 
-If the best step gains far less than the quadratic model predicts, the valley is curved.  The steps
-are then corrected to second order (geodesic acceleration), which replaces hundreds of short steps
-by a few.
+If the best step gains far less than the quadratic model predicts, or far more, the steps are
+corrected (`trial_steps.py`), which replaces hundreds of short steps by a few.
 
 Step plan and substeps of the simulator stay fixed during an optimisation.  At its end the step plan
 is renewed if it does not suit the optimum, and the optimisation continues.
-
-Source: Transtrum and Sethna, arXiv preprint 1201.5885 (2012) (geodesic acceleration).
 """
 
 from __future__ import annotations
@@ -30,7 +27,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.fit.normal_equations import NormalEquations, normal_equations
-from identification.fit.own_states import own_cost
+from identification.fit.trial_steps import NEGLIGIBLE, cost_of, trial_steps
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator, initial_states
 from identification.model.weighting import Weighting
@@ -42,21 +39,18 @@ _LADDER: Final = np.array([0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-1, 1e2])
 _STEEP: Final = np.array([1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
 """Damping ladder after a step whose damping exceeded the least of these."""
 
-_SHORTER: Final = np.array([0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001])
-"""Fractions of the undamped step that are tried if no damping lowers the cost."""
-
-_ENOUGH: Final = 1e-3
-"""Predicted gain in log likelihood at which a fit has converged; it is 0.045 standard
-deviations."""
-
-_DECISIVE: Final = 0.002
+_DECISIVE: Final = 0.01
 """Fraction of the difference to a better model that cannot change the comparison."""
 
-_STRAIGHT: Final = 0.3
+_STALLED: Final = 0.03
+"""Gain of a step below which a fit with a predicted gain of less than 1 is stalled [log
+likelihood]: twenty more such steps would gain what chance does.  Kinks of friction do that."""
+_SMALL: Final = 2
+"""Steps in a row, each with a negligible gain, after which a fit ends."""
+
 _TRIED: Final = 3
 _OPTIMISM: Final = 5.0
 """Largest gain until the optimum, over the predicted gain of one step."""
-_PROBE: Final = 0.1
 _RENEWALS: Final = 3
 """Renewals of the step plan at most."""
 
@@ -74,7 +68,8 @@ class TerminationLimits:
     """Operations that the fit may take; None for no limit."""
     reference: float = np.inf
     """Cost of a better model, with which the fit is compared.  The fit has converged when the
-    predicted gain of a step is below 1/500 of the difference."""
+    predicted gain of a step is below a hundredth of the difference, and it ends if two steps in a
+    row gain less than that."""
     sufficient: float = -np.inf
     """Cost below which the fit ends with the first step that gains less than 1 in log likelihood,
     because only this comparison matters."""
@@ -86,7 +81,7 @@ class TerminationLimits:
 
     def enough(self, cost: float) -> float:
         """Predicted gain in log likelihood below which the fit has converged."""
-        return max(_ENOUGH, _DECISIVE * (cost - self.reference))
+        return max(NEGLIGIBLE, _DECISIVE * (cost - self.reference))
 
 
 @dataclass(frozen=True)
@@ -212,9 +207,9 @@ def optimised(
     weighting = weighting or Weighting.white(records)
     at = np.clip(position, coordinates.lower, coordinates.upper)
     x0 = [initial_states(simulator.model, r) for r in records] if states is None else list(states)
-    costs, weighting = _cost(simulator, coordinates, at[:, None], x0, weighting)
+    costs, weighting = cost_of(simulator, coordinates, at[:, None], x0, weighting)
     cost = float(costs[0])
-    converged = False
+    converged, small = False, 0
     equations = normal_equations(simulator, coordinates, at, x0, weighting)
     if not equations.is_finite:
         cost = np.inf
@@ -228,7 +223,7 @@ def optimised(
             break
         if number >= _TRIED and cost - _OPTIMISM * decrement > limits.abandon_cost:
             break
-        trial, costs, sized = _trials(
+        trial, costs, sized = trial_steps(
             equations, coordinates, (at, x0), (cost, decrement), weighting, ladder
         )
         best = int(np.argmin(costs))
@@ -242,90 +237,14 @@ def optimised(
             # The cost is finite but its derivatives are not: no further step can be computed.
             break
         before, cost = cost, float(costs[best])
+        is_stalled = decrement < 1.0 and before - cost < _STALLED
+        small = small + 1 if is_stalled or before - cost < limits.enough(cost) else 0
         at, x0, weighting, equations = moved, moved_x0, sized, following
         ladder = _STEEP if ladder[best] > _STEEP[0] else _LADDER
         if cost < limits.sufficient and before - cost < 1.0:
             break
+        if small == _SMALL and (decrement < 1.0 or np.isfinite(limits.reference)):
+            converged = decrement < 1.0
+            break
     converged |= equations.decrement_within(at, coordinates) < limits.enough(cost)
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
-
-
-def _trials(
-    equations: NormalEquations,
-    coordinates: Coordinates,
-    start: tuple[Array, list[Array]],
-    expected: tuple[float, float],
-    weighting: Weighting,
-    ladder: Array,
-) -> tuple[tuple[Array, list[Array]], Array, Weighting]:
-    """Points to which a step may lead, their costs, and the noise model scaled to the best.
-
-    If a curved valley makes the steps gain little, they are corrected to second order.  If no step
-    lowers the cost, the undamped step is shortened.  The damping does not limit initial states, and
-    that of a speed which friction stops at once has hardly a derivative, so that its step leaves
-    the range in which friction is linear.
-
-    The start has search coordinates (n_parameter,) and for each record an initial state (n_state,);
-    `expected` is its cost, and the predicted decrease by a full step; the ladder is (n_lane,).
-    """
-    simulator, (at, x0), (cost, decrement) = equations.derivatives.simulator, start, expected
-    steps, moves = equations.steps(ladder, at, coordinates)
-    trial = at[:, None] + steps, [x[:, None] + move for x, move in zip(x0, moves, strict=True)]
-    costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
-    if cost - costs.min() < _STRAIGHT * decrement - _ENOUGH:
-        bent = _bent(equations, coordinates, start, trial, weighting, ladder)
-        bent_costs, bent_sized = _cost(simulator, coordinates, bent[0], bent[1], weighting)
-        if bent_costs.min() < costs.min():
-            trial, costs, sized = bent, bent_costs, bent_sized
-    if not costs.min() < cost and decrement > 1.0:
-        trial = (
-            at[:, None] + np.outer(steps[:, 0], _SHORTER),
-            [x[:, None] + np.outer(m[:, 0], _SHORTER) for x, m in zip(x0, moves, strict=True)],
-        )
-        costs, sized = _cost(simulator, coordinates, trial[0], trial[1], weighting)
-    return trial, costs, sized
-
-
-def _bent(
-    equations: NormalEquations,
-    coordinates: Coordinates,
-    start: tuple[Array, Sequence[Array]],
-    trial: tuple[Array, list[Array]],
-    weighting: Weighting,
-    ladder: Array,
-) -> tuple[Array, list[Array]]:
-    """The steps of a ladder with geodesic acceleration.
-
-    The second derivative along each step comes from one more simulation at a tenth of the step.
-    """
-    at, x0 = start[0][:, None], [x[:, None] for x in start[1]]
-    steps = trial[0] - at
-    moves = [end - x for end, x in zip(trial[1], x0, strict=True)]
-    probe = equations.derivatives.simulator.logged(
-        coordinates.values(at + _PROBE * steps),
-        [x + _PROBE * move for x, move in zip(x0, moves, strict=True)],
-    )
-    directions = [np.concatenate([steps, move]) for move in moves]
-    curved, finite = equations.curved(directions, probe, _PROBE, weighting)
-    bends, state_bends = equations.bends(ladder, start[0], coordinates, curved)
-    lower, upper = coordinates.lower[:, None], coordinates.upper[:, None]
-    position = np.where(finite, np.clip(trial[0] + bends, lower, upper), trial[0])
-    states = [
-        np.where(finite, end + bend, end) for end, bend in zip(trial[1], state_bends, strict=True)
-    ]
-    return position, states
-
-
-def _cost(
-    simulator: Simulator,
-    coordinates: Coordinates,
-    position: Array,
-    states: Sequence[Array],
-    weighting: Weighting,
-) -> tuple[Array, Weighting]:
-    """Cost of each lane of `position`, and the noise model scaled to the best lane."""
-    sums = simulator.misfit(coordinates.values(position), states, weighting)
-    prior = coordinates.log_prior(position)
-    cost = weighting.sized(sums)[1] - prior + own_cost(simulator, states)
-    cost = np.where(np.isfinite(cost), cost, np.inf)
-    return cost, weighting.sized(sums[:, int(np.argmin(cost))])[0]

@@ -31,34 +31,38 @@ to what the wrong phases require."""
 _CORRECTIONS: Final = 12
 """Alternations of correction and fit at most."""
 _PASSES: Final = 3
-"""Corrections at most, each with a fit to the optimum, if no short fit gains."""
+"""Fits to the optimum at most."""
 
 
 def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     """The fit with the angles tracked at its optimum, or the fit itself if that is no better.
 
     Angles and parameters depend on each other: corrections alternate with short fits until one
-    gains hardly anything, before the fit to the optimum.
+    gains hardly anything.  Then the fit goes to the optimum, and is corrected again.
     """
-    roughly = _alternated(fit, _shortened(limits), _CORRECTIONS, _ROUGHLY)
-    if roughly is fit:
-        return _alternated(fit, limits, _PASSES, _ENOUGH)
-    found = _alternated(roughly, limits, 1, _ENOUGH)
-    return renewed(continued(found, limits), limits) if found is roughly else found
+    short, enough = _shortened(limits), _ROUGHLY
+    for _ in range(_PASSES):
+        better = _alternated(fit, short, enough)
+        if better is fit:
+            break
+        fit, enough = renewed(continued(better, limits), limits), _ENOUGH
+    return fit
 
 
-def _alternated(fit: Fit, limits: TerminationLimits | None, corrections: int, enough: float) -> Fit:
+def _alternated(fit: Fit, limits: TerminationLimits, enough: float) -> Fit:
     """The fit after corrections of the angles, each followed by a refit that gains enough."""
     least = enough * float(fit.weighting.counts.sum())
-    for _ in range(corrections):
+    for _ in range(_CORRECTIONS):
         simulator, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
         if simulator is fit.simulator:
             break
         weighting = replace(fit.weighting, records=simulator.records)
         other = solve(simulator, fit.coordinates, fit.position, states, weighting, limits)
-        if not other.cost < fit.cost - least:
+        gain = fit.cost - other.cost
+        if gain > 0.0:
+            fit = other
+        if not gain > least:
             break
-        fit = other
     return fit
 
 

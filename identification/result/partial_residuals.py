@@ -31,7 +31,7 @@ import numpy as np
 
 from identification.arrays import Array, Index
 from identification.diagnosis.deviation import Disturbance
-from identification.diagnosis.localise import Localisation, localise
+from identification.diagnosis.localise import Localisation, Missing, smoothed_terms
 from identification.fit.solve import Fit, TerminationLimits
 from identification.linear import least_squares
 from identification.model.composite import INPUTS, MotorModel
@@ -87,8 +87,9 @@ class FinalPath:
     """(n_parameter, n_draw) physical parameters; the first draw is the fit."""
     states: Sequence[Array]
     """For each record (n_sample, n_state, n_draw)."""
-    localisation: Localisation | None
-    """Missing terms of the nominal model with the effects `kept`; None if not known."""
+    traces: Sequence[Missing]
+    """Missing terms of the nominal model with the effects `kept`, one per record; empty if not
+    known."""
     kept: frozenset[str] = frozenset()
     """Names of the effects in the localised model."""
 
@@ -101,7 +102,7 @@ class FinalPath:
         fit = self.final
         for name in lacking:
             fit = refitted_without(fit, name, TerminationLimits(0))
-        return replace(self, localisation=localise(fit), kept=kept)
+        return replace(self, traces=smoothed_terms(fit), kept=kept)
 
     @cached_property
     def everywhere(self) -> PathSamples:
@@ -172,8 +173,8 @@ class FinalPath:
 
     def _smoothed(self, record: Record, number: int, rows: Index) -> tuple[Array, Array]:
         """(n_sample, 2) smoothed missing voltage and torque, and their standard deviations."""
-        # The localisation lists one entry for each record, in their order.
-        found = self.localisation.missing[number:][:1] if self.localisation else ()
+        # The traces are those of the records, in their order.
+        found = self.traces[number:][:1]
         if not any((one.run, one.start) == (record.run, record.start) for one in found):
             nothing = np.full((rows.size, 2), np.nan)
             return nothing, nothing
@@ -231,7 +232,8 @@ def final_path(
     finite = np.all([np.isfinite(each).all(axis=(0, 1)) for each in states], axis=0)
     finite[0] = True
     kept = [each[:, :, finite] for each in states]
-    path = FinalPath(final, values[:, finite], kept, localisation)
+    traces = localisation.missing if localisation else ()
+    path = FinalPath(final, values[:, finite], kept, traces)
     return path.keeping([t.name for t in final.simulator.model.terms if t.equation == "sensor"])
 
 

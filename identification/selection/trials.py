@@ -113,9 +113,11 @@ class Trials:
         if known is None or self.is_due(known, current):
             self._retried.add((key, _key(current.fit)))
             limits = self.limits(reference=current.fit.cost)
+            if limits.over:
+                # The effect would be judged by the budget and not by the runs.
+                limits = replace(limits, budget=Budget(self.longest))
             fit = refitted_without(current.fit, term.name, limits)
             if _is_undecided(fit, current):
-                # The effect would be judged by the budget and not by the runs.
                 limits = replace(limits, budget=Budget(self.longest))
                 fit = continued(fit, limits)
             if _is_undecided(fit, current) or not np.isfinite(fit.cost):
