@@ -34,6 +34,10 @@ _LEAST = 1e-60
 """Least entry of a diagonal, over the largest entry of the matrix."""
 _PULLED: Final = 1e-6
 """Gradient, in standard deviations of its parameter alone, that releases it from its bound."""
+_NO_RANGE: Final = 1e-12
+"""Range of a search coordinate below which its parameter is fixed."""
+_MOVES: Final = 5
+"""Moves of the active-set method at most, for each parameter."""
 
 _KEPT: Final = 100_000
 """Samples of all records up to which their sensitivities are cached; 8 MB for ten thousand."""
@@ -158,24 +162,29 @@ class NormalEquations:
     ) -> Array:
         """(n_parameter,) step that minimises the damped quadratic model within the bounds.
 
-        An active-set method: parameters whose steps would cross their bounds go to the bounds and
-        stay there, and the others are solved again; one that the remaining gradient pulls inside is
+        An active-set method: each move to the minimum over the free parameters ends at the first
+        bound, whose parameter then stays there; one that the remaining gradient pulls inside is
         released.
         """
         damped = self.matrix + damping * np.diag(np.diag(self.matrix))
         least, most = coordinates.lower - position, coordinates.upper - position
         size, step = _sizes(damped), np.zeros(position.size)
         free = np.ones(position.size, dtype=bool)
-        for _ in range(3 * position.size):
-            right = gradient[free] - damped[np.ix_(free, ~free)] @ step[~free]
-            step[free] = _solved(damped[np.ix_(free, free)], right)
-            beyond = free & ((step < least) | (step > most))
+        for _ in range(_MOVES * position.size):
+            move = np.zeros(position.size)
+            move[free] = _solved(damped[np.ix_(free, free)], (gradient - damped @ step)[free])
+            target = np.where(move < 0, least, most)
+            beyond = (move != 0) & (np.abs(move) > np.abs(target - step))
             if beyond.any():
-                step = np.clip(step, least, most)
-                free &= ~beyond
+                shares = np.where(beyond, (target - step) / np.where(beyond, move, 1.0), 1.0)
+                first = shares <= shares.min()
+                step = np.where(first, target, step + shares.min() * move)
+                free &= ~first
                 continue
+            step += move
             pull = (gradient - damped @ step) / size
-            inside = np.where(free, 0.0, np.where(step <= least, pull, -pull))
+            stays = free | (most - least < _NO_RANGE)
+            inside = np.where(stays, 0.0, np.where(step <= least, pull, -pull))
             if not inside.max(initial=0.0) > _PULLED:
                 break
             free[int(np.argmax(inside))] = True

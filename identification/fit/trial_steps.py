@@ -67,35 +67,43 @@ def trial_steps(
         if bent_costs.min() < costs.min():
             trial, costs, sized = bent, bent_costs, bent_sized
     if cost - costs.min() > _UNDERSTATED * decrement + NEGLIGIBLE:
+        # The lanes remain those of the ladder; the best one is replaced.
         best = int(np.argmin(costs))
-        ends = trial[0][:, best] - at, [t[:, best] - x for t, x in zip(trial[1], x0, strict=True)]
-        longer = _multiples(start, ends, _LONGER, coordinates)
-        longer_costs, longer_sized = cost_of(simulator, coordinates, *longer, weighting)
-        if longer_costs.min() < costs.min():
-            # The lanes remain those of the ladder; the best one is replaced.
-            far = int(np.argmin(longer_costs))
-            trial[0][:, best] = longer[0][:, far]
-            for end, x in zip(trial[1], longer[1], strict=True):
-                end[:, best] = x[:, far]
-            costs[best], sized = longer_costs[far], longer_sized
+        far, far_costs, far_sized = _lengthened(equations, coordinates, at, trial, best, weighting)
+        if far_costs.min() < costs.min():
+            costs[best], sized = far_costs.min(), far_sized
+            for end, ends in zip([trial[0], *trial[1]], [far[0], *far[1]], strict=True):
+                end[:, best] = ends[:, int(np.argmin(far_costs))]
     if not costs.min() < cost and decrement > 1.0:
-        undamped = steps[:, 0], [move[:, 0] for move in moves]
-        trial = _multiples(start, undamped, _SHORTER, coordinates)
+        trial = (
+            at[:, None] + np.outer(steps[:, 0], _SHORTER),
+            [x[:, None] + np.outer(m[:, 0], _SHORTER) for x, m in zip(x0, moves, strict=True)],
+        )
         costs, sized = cost_of(simulator, coordinates, trial[0], trial[1], weighting)
     return trial, costs, sized
 
 
-def _multiples(
-    start: tuple[Array, Sequence[Array]],
-    step: tuple[Array, Sequence[Array]],
-    factors: Array,
+def _lengthened(
+    equations: NormalEquations,
     coordinates: Coordinates,
-) -> tuple[Array, list[Array]]:
-    """Points at multiples (n_lane,) of a step, inside the bounds."""
+    at: Array,
+    trial: tuple[Array, list[Array]],
+    best: int,
+    weighting: Weighting,
+) -> tuple[tuple[Array, list[Array]], Array, Weighting]:
+    """Multiples of the best step within the bounds, their costs, and the noise model.
+
+    The initial states follow the parameters.
+    """
+    simulator, end = equations.derivatives.simulator, trial[0][:, best, None]
     lower, upper = coordinates.lower[:, None], coordinates.upper[:, None]
-    position = np.clip(start[0][:, None] + np.outer(step[0], factors), lower, upper)
-    moves = zip(start[1], step[1], strict=True)
-    return position, [x[:, None] + np.outer(move, factors) for x, move in moves]
+    position = np.clip(at[:, None] + (end - at[:, None]) * _LONGER, lower, upper)
+    states = [
+        x[:, best, None] + equations.state_response(k) @ (position - end)
+        for k, x in enumerate(trial[1])
+    ]
+    costs, sized = cost_of(simulator, coordinates, position, states, weighting)
+    return (position, states), costs, sized
 
 
 def _bent(
