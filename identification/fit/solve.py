@@ -48,9 +48,9 @@ likelihood]: twenty more such steps would gain what chance does.  Kinks of frict
 _SMALL: Final = 2
 """Steps in a row, each with a negligible gain, after which a fit ends."""
 
-_TRIED: Final = 3
-_OPTIMISM: Final = 5.0
-"""Largest gain until the optimum, over the predicted gain of one step."""
+_OPTIMISM: Final = (50.0, 20.0, 10.0, 5.0)
+"""Largest gain until the optimum, over the predicted gain of one step, for the first steps and all
+later ones: far from the optimum, the prediction is poor."""
 _RENEWALS: Final = 3
 """Renewals of the step plan at most."""
 
@@ -126,7 +126,7 @@ class Fit:
     def is_behind(self, limits: TerminationLimits) -> bool:
         """Whether the fit is not predicted to reach `TerminationLimits.abandon_cost`."""
         predicted = self.equations.decrement_within(self.position, self.coordinates)
-        return self.cost - _OPTIMISM * predicted > limits.abandon_cost
+        return self.cost - _OPTIMISM[-1] * predicted > limits.abandon_cost
 
     def light(self) -> Fit:
         """Copy without cached sensitivities, which use most of the memory."""
@@ -221,7 +221,7 @@ def optimised(
         decrement = equations.decrement_within(at, coordinates)
         if decrement < limits.enough(cost):
             break
-        if number >= _TRIED and cost - _OPTIMISM * decrement > limits.abandon_cost:
+        if cost - _OPTIMISM[min(number, 3)] * decrement > limits.abandon_cost:
             break
         trial, costs, sized = trial_steps(
             equations, coordinates, (at, x0), (cost, decrement), weighting, ladder
