@@ -172,7 +172,7 @@ def test_estimate_lies_on_the_curve_despite_a_biased_resistance(declared: Fit) -
         [v + resistance * i for v, i in zip(drop, current, strict=True)],
         [np.zeros(i.size) for i in current],
     )
-    path = FinalPath(bare.final, bare.values, bare.states, said)
+    path = FinalPath(bare.final, bare.values, bare.states, said.missing)
 
     (plot,) = missing_terms(path)
 
