@@ -125,8 +125,15 @@ class Fit:
 
     def is_behind(self, limits: TerminationLimits) -> bool:
         """Whether the fit is not predicted to reach `TerminationLimits.abandon_cost`."""
+        return not self.may_reach(limits.abandon_cost, _OPTIMISM[-1])
+
+    def may_reach(self, cost: float, optimism: float = _OPTIMISM[0]) -> bool:
+        """Whether further steps may reach a cost: `optimism` is their gain over that predicted.
+
+        The default holds for a fit that has made no step yet.
+        """
         predicted = self.equations.decrement_within(self.position, self.coordinates)
-        return self.cost - _OPTIMISM[-1] * predicted > limits.abandon_cost
+        return self.cost - optimism * predicted <= cost
 
     def light(self) -> Fit:
         """Copy without cached sensitivities, which use most of the memory."""

@@ -333,8 +333,8 @@ class Trials:
 
 def _is_undecided(fit: Fit, current: EvaluatedModel) -> bool:
     """True if a finite fit did not converge and may still reach the cost of `current`."""
-    level = TerminationLimits(abandon_cost=current.fit.cost)
-    return bool(np.isfinite(fit.cost)) and not (fit.converged or fit.is_behind(level))
+    is_open = bool(np.isfinite(fit.cost)) and not fit.converged
+    return is_open and fit.may_reach(current.fit.cost)
 
 
 def _name(term: AbstractEffect) -> tuple[str, str]:
