@@ -30,6 +30,11 @@ __all__ = ["NormalEquations", "normal_equations"]
 _LARGEST = 1e100
 """Entry above which the simulation counts as diverged."""
 
+_DIGITS: Final = 1e-3 / np.finfo(np.float64).eps
+"""Information before the elimination of initial states over that after it, above which rounding
+changes the latter by more than a thousandth: sensitivities grow exponentially where the substeps do
+not resolve a sharp friction."""
+
 _LEAST = 1e-60
 """Least entry of a diagonal, over the largest entry of the matrix."""
 _PULLED: Final = 1e-6
@@ -66,7 +71,7 @@ class NormalEquations:
 
     @property
     def is_finite(self) -> bool:
-        """Whether a step can be computed; False if the simulation diverges."""
+        """Whether a step can be computed; False if the simulation or its sensitivities diverge."""
         return bool(np.isfinite(self.matrix).all() and np.isfinite(self.gradient).all())
 
     def decrement_within(self, position: Array, coordinates: Coordinates) -> float:
@@ -223,7 +228,7 @@ def normal_equations(
     if sum(record.rows for record in simulator.records) <= _KEPT:
         derivatives = derivatives.keeping()
     fulls, rights, logged = _summed(derivatives, weighting, n + simulator.n_state)
-    information, gradient = np.zeros((n, n)), np.zeros(n)
+    information, gradient, whole = np.zeros((n, n)), np.zeros(n), np.zeros(n)
     matrices, couplings, state_gradients = [], [], []
     for k, (full, right) in enumerate(zip(fulls, rights, strict=True)):
         precision, pull = state_prior(simulator, k)
@@ -234,12 +239,15 @@ def normal_equations(
             # The simulation diverges: `is_finite` becomes False, and no step is computed.
             information[:], xx, xj = np.nan, np.eye(xx.shape[0]), np.zeros_like(xj)
         solved = solution(xx, np.column_stack([xj, xg]))
+        whole += np.diag(full)[:n]
         information += full[:n, :n] - xj.T @ solved[:, :n]
         gradient += right[:n] - xj.T @ solved[:, n]
         matrices.append(xx)
         couplings.append(xj)
         state_gradients.append(xg)
     prior = 1.0 / coordinates.prior_sd**2
+    if np.any(whole > _DIGITS * np.maximum(np.diag(information) + prior, 0.0)):
+        information[:] = np.nan
     matrix = information + np.diag(prior)
     gradient = gradient + prior * np.where(prior > 0, coordinates.prior_mean - position, 0.0)
     return NormalEquations(
