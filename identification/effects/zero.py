@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
@@ -53,6 +54,19 @@ class _ZeroError(AbstractEffect):
         offset = amplitude("offset", unit, "zero error", self.size, signed=True)
         drift = amplitude("drift", unit, "change of the zero error per run", step, signed=True)
         return (offset, drift) if self.drifts else (offset,)
+
+    def flaw(self, values: Mapping[str, float]) -> str:
+        """Reason to reject a zero error above the RMS value of the logged channel; else empty.
+
+        The true signal would then have the other sign than its log.
+        """
+        error = abs(values.get("offset", 0.0))
+        if error <= self.size:
+            return ""
+        return (
+            f"implausible: zero error {error:.3g} {self.unit}, expected at most the RMS value of "
+            f"the channel ({self.size:.3g} {self.unit}); the term acts as another law"
+        )
 
     def _error(self, signals: Signals, values: Values) -> Expression:
         return values.offset + values.drift * signals.run if self.drifts else values.offset

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.effects.zero import CurrentOffset
+from identification.effects.zero import CurrentOffset, SpeedOffset, VoltageOffset
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.selection.outcome import Outcome
@@ -66,3 +66,14 @@ def test_an_offset_of_each_run_comes_back_from_a_result() -> None:
     assert term_of(
         {"name": "current_offset", "settings": {"size": 2.0, "drifts": False}}
     ) == CurrentOffset(2.0)
+
+
+@pytest.mark.parametrize("kind", [CurrentOffset, SpeedOffset, VoltageOffset])
+def test_a_zero_error_above_all_that_the_sensor_reads_is_another_law(
+    kind: type[CurrentOffset | SpeedOffset | VoltageOffset],
+) -> None:
+    """A supply of 17 V RMS has no zero error of -154 V; a drifting one of 3 V is possible."""
+    term = kind(17.0, drifts=True)
+
+    assert term.flaw({"offset": -154.0, "drift": 0.3}).startswith("implausible: zero error 154 ")
+    assert not term.flaw({"offset": -3.0, "drift": 0.3})
