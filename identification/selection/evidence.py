@@ -95,6 +95,11 @@ class EvaluatedModel:
         """Whether cost and normal equations are finite; other models are never selected."""
         return bool(np.isfinite(self.fit.cost)) and self.fit.equations.is_finite
 
+    def is_undecided(self, simpler: Fit) -> bool:
+        """True if a finite fit did not converge and may still reach the cost of this model."""
+        is_open = bool(np.isfinite(simpler.cost)) and not simpler.converged
+        return is_open and simpler.may_reach(self.fit.cost)
+
     def effects_added_to(self, simpler: EvaluatedModel) -> list[AbstractEffect]:
         """Effects of types that the simpler model lacks; they may stand anywhere among the terms.
 

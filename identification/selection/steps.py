@@ -225,8 +225,13 @@ def settled(
 
 
 def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[EvaluatedModel]:
-    """Models with another effect type in place of `name` and a cost close to the current one."""
+    """Models with another effect type in place of `name` and a cost close to the current one.
+
+    A fit at the angles of the simpler model that gained less than predicted is repeated at those of
+    the current model.
+    """
     trials, policy = state.trials, state.trials.policy
+    (term,) = (t for t in state.current.fit.simulator.model.terms if t.name == name)
     scores = [s for s in trials.scores(simpler) if s.candidate.term.name != name]
     limit = trials.abandon_cost(state.current, simpler)
     needed = simpler.fit.cost - limit
@@ -234,4 +239,8 @@ def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[Evaluate
         s for s in scores if s.gain * trials.underestimate(simpler, s.candidate.term) > needed
     ]
     wanted = _with_worthwhile_gain(trials, simpler, scores, policy.rivals, without=name)
+    for score in wanted:
+        doubtful = trials.doubtful(simpler, score)
+        if doubtful is not None:
+            settled(state, EvaluatedModel(doubtful, 1.0), simpler, term)
     return trials.finish_best(simpler, trials.refits(simpler, wanted, limit))

@@ -15,6 +15,7 @@ import numpy as np
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.noise import effective_fraction
+from identification.fit.order_tracking import is_tracked
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.fit.tracked_fit import retracked
 from identification.model.term import AbstractTerm
@@ -92,6 +93,8 @@ class Trials:
         elif known is None or fit.cost < known.fit.cost - 1e-3:
             fraction = effective_fraction(fit) if fraction is None else fraction
             known = self._evaluated[key] = evaluated(fit.light(), self.campaign, fraction)
+            if key in self._fits and known.fit.cost < self._fits[key].cost:
+                self._fits[key] = known.fit
         return known
 
     def is_due(self, model: EvaluatedModel, start: EvaluatedModel) -> bool:
@@ -117,10 +120,10 @@ class Trials:
                 # The effect would be judged by the budget and not by the runs.
                 limits = replace(limits, budget=Budget(self.longest))
             fit = refitted_without(current.fit, term.name, limits)
-            if _is_undecided(fit, current):
+            if current.is_undecided(fit):
                 limits = replace(limits, budget=Budget(self.longest))
                 fit = continued(fit, limits)
-            if _is_undecided(fit, current) or not np.isfinite(fit.cost):
+            if current.is_undecided(fit) or not np.isfinite(fit.cost):
                 nominal = current.fit.moved_to(self._evaluated[frozenset()].fit.by_name)
                 limits = replace(limits, budget=Budget(self.longest))
                 other = self._converged(refitted_without(nominal, term.name, limits), limits)
@@ -138,7 +141,7 @@ class Trials:
         It is undecided if the simpler model did not converge and may still reach the cost of
         `current`.
         """
-        is_undecided = _is_undecided(simpler.fit, current)
+        is_undecided = current.is_undecided(simpler.fit)
         return is_undecided, removal_steps(current.fit, simpler.fit)
 
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
@@ -160,6 +163,16 @@ class Trials:
             for known, model in self._evaluated.items()
             if known > key and len(known - key) == 1 and next(iter(known - key))[0] != name
         ]
+
+    def doubtful(self, simpler: EvaluatedModel, score: Score) -> Fit | None:
+        """The fit of a candidate, if it gained less than predicted at angles that lack its effect.
+
+        The angles were tracked in the simpler model; a fit from wrong ones has a local optimum.
+        """
+        fit = self._fits.get(_key(simpler.fit) | {score.structure})
+        if fit is None or not is_tracked(simpler.fit.simulator.model):
+            return None
+        return replace(fit, converged=False) if simpler.fit.cost - fit.cost < score.gain else None
 
     def abandon_cost(self, current: EvaluatedModel, simpler: EvaluatedModel) -> float:
         """Cost above which an extension of the simpler model is no rival of the current model."""
@@ -329,12 +342,6 @@ class Trials:
         """Gain that a number of added unknowns needs to be significant."""
         samples = max(float(current.fit.weighting.counts.sum()) * current.fraction, 2.0)
         return by_chance(unknowns, samples, max(self.tried, 1)) / current.fraction
-
-
-def _is_undecided(fit: Fit, current: EvaluatedModel) -> bool:
-    """True if a finite fit did not converge and may still reach the cost of `current`."""
-    is_open = bool(np.isfinite(fit.cost)) and not fit.converged
-    return is_open and fit.may_reach(current.fit.cost)
 
 
 def _name(term: AbstractEffect) -> tuple[str, str]:

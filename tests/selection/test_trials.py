@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench import make_campaign
-from identification.effects.effect import effects_of
+from bench import EffectRequest, make_campaign
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits
 from identification.result.early_stop import early_stop_warnings
@@ -17,9 +17,10 @@ from identification.selection import trials as trials_module
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import EvaluatedModel
 from identification.selection.outcome import Outcome
-from identification.selection.refit import refitted_without
+from identification.selection.refit import refitted_with, refitted_without
 from identification.selection.score import Score, gathered
-from identification.selection.steps import State, settled
+from identification.selection.start import Start
+from identification.selection.steps import State, rivals_of, settled
 from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
@@ -283,3 +284,38 @@ def test_an_effect_whose_removal_no_fit_decides_is_at_most_as_probable_as_its_ab
     assert found["coulomb_friction"].probability <= 0.5
     assert warning.code == "search_incomplete"
     assert "the model without coulomb friction" in warning.message
+
+
+def test_a_friction_that_was_fitted_at_wrong_angles_is_fitted_again_at_those_of_its_rival(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Coulomb friction and cogging are hidden; at the angles without friction its fit is stuck."""
+    measured = make_campaign(
+        "servo_150w",
+        [EffectRequest("cogging_torque", size=0.15), "coulomb_friction"],
+        seed=17,
+        rows=800,
+        training=2,
+        validation=1,
+    )
+    campaign = records_of_bench(measured)
+    trials = Trials(campaign)
+    nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
+    cogging = extended(trials, nominal, "cogging_torque")
+    current = extended(trials, cogging, "stribeck_friction")
+
+    def hardly(
+        fit: Fit, term: AbstractEffect, starts: list[Start], limits: TerminationLimits
+    ) -> Fit:
+        return refitted_with(fit, term, starts, TerminationLimits(0))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(trials_module, "refitted_with", hardly)
+        coulomb = [s for s in trials.scores(cogging) if s.structure[0] == "coulomb_friction"]
+        ((_, stuck),) = trials.refits(cogging, coulomb[:1])
+
+    rivals = rivals_of(State(trials, nominal, current), cogging, "stribeck_friction")
+
+    (found,) = (r for r in rivals if r.effects_added_to(cogging)[0].name == "coulomb_friction")
+    assert stuck.cost > found.fit.cost + 100.0
+    assert found.fit.cost < current.fit.cost + 10.0
