@@ -51,6 +51,7 @@ from identification.selection.score import Score
 from identification.selection.steps import (
     State,
     accept,
+    admissible,
     backward,
     enrich,
     exchange,
@@ -318,14 +319,12 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
     for term in current.fit.simulator.model.terms:
         simpler = trials.without(current, term)
         criteria = trials.criteria(current, simpler)
-        rivals = [
-            settled(state, rival, simpler, term)
-            for rival in trials.evaluated_rivals(simpler, term.name)
-        ]
+        known = trials.evaluated_rivals(simpler, term.name)
+        rivals = [settled(state, rival, simpler, term) for rival in known]
         if not trials.budget.spent and term.name != "unlisted":
             curves = [r for r in rivals if r.effects_added_to(simpler)[0].name == "unlisted"]
             rivals = [*rivals_of(state, simpler, term.name), *curves]
-        rivals = [rival for rival in rivals if trials.criteria(rival, simpler).passed]
+        rivals = admissible(state, rivals, simpler)
         models = [current, *rivals]
         share, *odds = probabilities(scores_of(models)).tolist()
         best = models[ranked(models, trials.policy)[0]]

@@ -12,7 +12,13 @@ from identification.fit.solve import TerminationLimits
 from identification.model.term import AbstractTerm
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.criteria import AcceptanceCriteria
-from identification.selection.evidence import UNCOMPUTED, EvaluatedModel, ranked
+from identification.selection.evidence import (
+    UNCOMPUTED,
+    EvaluatedModel,
+    is_better,
+    ranked,
+    replaces,
+)
 from identification.selection.outcome import Searched
 from identification.selection.refit import swapped
 from identification.selection.score import Score
@@ -22,6 +28,7 @@ from identification.work import Budget
 __all__ = [
     "State",
     "accept",
+    "admissible",
     "backward",
     "enrich",
     "exchange",
@@ -198,8 +205,27 @@ def exchange(state: State) -> None:
             return
         simpler = trials.without(state.current, term)
         rivals = rivals_of(state, simpler, term.name)
-        models = [state.current, *(r for r in rivals if trials.criteria(r, simpler).passed)]
+        models = [state.current, *admissible(state, rivals, simpler)]
         state.current = models[ranked(models, trials.policy)[0]]
+
+
+def admissible(
+    state: State, rivals: Sequence[EvaluatedModel], simpler: EvaluatedModel
+) -> list[EvaluatedModel]:
+    """Rivals that meet the criteria against the simpler model.
+
+    A curve that ranks better than the current model, but may not replace it, is left out: it is the
+    effect itself.
+    """
+    trials, current = state.trials, state.current
+    passing = [rival for rival in rivals if trials.criteria(rival, simpler).passed]
+    return [
+        rival
+        for rival in passing
+        if rival.effects_added_to(simpler)[0].name != "unlisted"
+        or not is_better(rival, current)
+        or replaces(rival, current, trials.policy)
+    ]
 
 
 def settled(
