@@ -136,11 +136,7 @@ class Trials:
     def removal(
         self, current: EvaluatedModel, simpler: EvaluatedModel
     ) -> tuple[bool, dict[str, float]]:
-        """True if the removal of an effect is undecided, and the change of the other parameters.
-
-        It is undecided if the simpler model did not converge and may still reach the cost of
-        `current`.
-        """
+        """True if the removal of an effect is undecided, and the change of the other parameters."""
         is_undecided = current.is_undecided(simpler.fit)
         return is_undecided, removal_steps(current.fit, simpler.fit)
 
