@@ -273,6 +273,7 @@ def _channel(
         # A column of the mapping that the file lacks stays visible next to the error.
         titles.append(column)
     scale = float(entry.get("scale", 1.0))
+    offset = entry.get("value", entry.get("offset", 0.0))
     found = (summary or {}).get("channels", {}).get(name)
     header = next((c["unit"] for c in columns if c["title"] == column), None)
     is_row = name == "time_s" and column == ROW
@@ -294,7 +295,7 @@ def _channel(
             column["title"] for column in columns if name in SIGNED and column["unit"] is None
         ],
         "factor": f"{abs(scale):.12g}",
-        "offset": f"{float(entry.get('value', entry.get('offset', 0.0))):.12g}",
+        "offset": "" if offset is None else f"{float(offset):.12g}",
         "range": span(name, found["min"], found["max"]) if found else "",
         "is_required": is_required,
     }
@@ -305,7 +306,7 @@ def _mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[s
 
     The fields are `CHANNEL.column`, `.was` (the column before), `.unit`, `.sign`, `.factor` and
     `.offset`.  The sign is + or -, with the column of a direction behind it; the offset of a
-    constant is its value.
+    constant is its value, which is None until it is typed: the offset of a column is no value.
 
     The unit belongs to the column: if another column is selected, its header gives the unit.  A
     channel without a column is left to the header, unless the user has removed its column.
@@ -326,16 +327,19 @@ def _mapping_from(form: Mapping[str, str], earlier: Mapping[str, Any]) -> dict[s
         scale = number(f"{channel}.factor", form.get(f"{channel}.factor", ""), 1.0)
         sign = form.get(f"{channel}.sign", "")
         scale *= -1.0 if sign[:1] == "-" else 1.0
-        offset = number(f"{channel}.offset", form.get(f"{channel}.offset", ""), 0.0)
+        typed = form.get(f"{channel}.offset", "")
+        offset = number(f"{channel}.offset", typed, 0.0)
+        before = earlier.get(channel) or {}
         if column == CONSTANT:
             del entry["column"]
-            mapping[channel] = {"value": offset, **entry}
+            is_of_column = was != CONSTANT and offset == before.get("offset", 0.0)
+            value = None if is_of_column or not typed.strip() else offset
+            mapping[channel] = {"value": value, **entry}
             continue
         if sign[1:]:
             entry["sign"] = sign[1:]
         if (scale, offset) != (1.0, 0.0):
             entry |= {"scale": scale, "offset": offset}
-        before = earlier.get(channel) or {}
         if column == was and "period" in before:
             entry["period"] = before["period"]
         mapping[channel] = entry

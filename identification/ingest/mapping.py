@@ -243,8 +243,13 @@ def _constant(name: str, entry: Mapping[object, object]) -> ChannelMapping:
         raise MappingError(
             f"{name} has a constant value and the key {listed(further)}; expected value and unit"
         )
-    value = _number(name, "value", entry["value"])
-    return ChannelMapping(name, None, _unit(name, entry.get("unit")), value=value)
+    unit = _unit(name, entry.get("unit"))
+    if entry["value"] is None:
+        shown = (unit or canonical_unit(name)).name
+        raise MappingError(
+            f"{name} is a constant, but its value is missing; give it as a number in {shown}"
+        )
+    return ChannelMapping(name, None, unit, value=_number(name, "value", entry["value"]))
 
 
 def _header(channel: str, key: str, text: object) -> str:

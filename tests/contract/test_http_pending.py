@@ -391,3 +391,32 @@ def test_direction_row_and_constant_are_selected(page: Page) -> None:
         "temperature_degC": {"value": 23.0},
     }
     assert [run["mapping"] for run in page.runs()] == [expected, expected]
+
+
+def test_constant_is_missing_until_its_value_is_typed(page: Page) -> None:
+    """The offset of a column is no value of a constant; 0 degC, typed, is one."""
+    run = page.drop(scope_text(9))
+    column = selected(voltage_V__offset="0.5")
+    page.http.post(f"/pending/{run}/mapping", data=column)
+    chosen = column | {"voltage_V.column": "=", "temperature_degC.column": "="}
+    both = chosen | {"voltage_V.was": "=", "temperature_degC.was": "="}
+    steps = [
+        chosen | {"temperature_degC.offset": "0"},
+        both | {"voltage_V.offset": "24", "temperature_degC.offset": ""},
+        both | {"voltage_V.offset": "24", "temperature_degC.offset": "0"},
+    ]
+
+    first, second, last = (page.http.post(f"/pending/{run}/mapping", data=f).text for f in steps)
+
+    assert "needs a correction" in first
+    assert "Voltage_V is a constant, but its value is missing; give it as a number in V" in first
+    assert "Add 0 runs" in first
+    assert "needs a correction" in second
+    assert re.search(r'value="24" aria-label="Value of voltage">', second)
+    assert re.search(r'value="" aria-label="Value of temperature" class=missing', second)
+    assert second.count("<option selected>rpm</option>") == 1
+    assert ">ready</span>" in last
+    page.http.post("/pending/confirm")
+    (stored,) = page.runs()
+    assert stored["mapping"]["voltage_V"] == {"value": 24.0, "unit": "V"}  # type: ignore[index]
+    assert stored["mapping"]["temperature_degC"] == {"value": 0.0}  # type: ignore[index]

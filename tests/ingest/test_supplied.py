@@ -288,6 +288,10 @@ def test_column_named_row_has_priority() -> None:
     [
         ({"voltage_V": {"value": 12, "column": "U"}}, "constant value and the key 'column'"),
         ({"voltage_V": {"value": "12"}}, "voltage_V has the value"),
+        (
+            {"voltage_V": {"value": None, "unit": "mV"}},
+            "its value is missing; give it as a number in mV",
+        ),
         ({"speed_rad_s": {"value": 0}}, "speed_rad_s has the key 'value'"),
         ({"time_s": {"column": "t", "sign": "dir"}}, "time_s has the key 'sign'"),
         ({"voltage_V": {"column": "U", "sign": " "}}, 'voltage_V has no sign; add "sign"'),
