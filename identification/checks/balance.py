@@ -33,6 +33,7 @@ __all__ = [
     "Windows",
     "balances_of",
     "has_signal",
+    "is_constant",
     "mean_square",
     "predicted",
     "regress",
@@ -51,6 +52,8 @@ _FEWEST_WINDOWS: Final = 30
 _BLOCKS: Final = 10
 _NOISE_WINDOW: Final = 16
 _NOISE_TIMES: Final = 4.0
+_CONSTANT: Final = 0.01
+"""Standard deviation of a voltage that is constant for the motor, relative to its mean."""
 _RIDGE: Final = 1e-12
 """Regularisation per sample of `predicted`, whose regressors have a mean square of one."""
 
@@ -90,6 +93,11 @@ def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
         run.between_updates("speed_rad_s")[:samples],
         joined[: samples - 1],
     )
+
+
+def is_constant(voltage: Array) -> bool:
+    """True if a voltage (n_sample,) is constant for the motor: it scatters by less than 1 %."""
+    return bool(np.std(voltage) <= _CONSTANT * abs(np.mean(voltage)))
 
 
 def has_signal(signal: Array) -> bool:

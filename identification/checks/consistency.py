@@ -20,7 +20,7 @@ from identification.checks.balance import balances_of, signals_of
 from identification.checks.finding import Finding, factor
 from identification.ingest.run import Run
 
-__all__ = ["Estimate", "consistency_findings", "estimate_of"]
+__all__ = ["Estimate", "consistency_findings", "estimate_of", "scale_of"]
 
 _COPPER: Final = 0.0039
 _MAGNET: Final = -0.0010
@@ -55,9 +55,9 @@ _SCALES: Final = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Estimate:
-    """Regression coefficients of one run."""
+    """Regression coefficients of one run; equal to itself only, as a file may be given twice."""
 
     run: Run
     resistance: float
@@ -163,7 +163,7 @@ def _is_odd(e: Estimate, constant: float, resistance: float) -> bool:
 def _odd_finding(e: Estimate, fitting: Sequence[Estimate]) -> Finding:
     constant = median_low(f.constant for f in fitting)
     resistance = median_low(f.resistance for f in fitting)
-    named = _scale(e, constant, resistance)
+    named = scale_of(e.constant / constant, e.resistance / resistance)
     if named is not None:
         return _scale_finding(e, *named, constant)
     far_constant = abs(math.log(e.constant / constant)) > _CONSTANT
@@ -185,9 +185,9 @@ def _odd_finding(e: Estimate, fitting: Sequence[Estimate]) -> Finding:
     )
 
 
-def _scale(e: Estimate, constant: float, resistance: float) -> tuple[str, float, str] | None:
-    """Channel, factor on its values, and unit that explain the coefficients of a run."""
-    at = math.log(e.constant / constant), math.log(e.resistance / resistance)
+def scale_of(constant: float, resistance: float) -> tuple[str, float, str] | None:
+    """Channel, factor on its values, and unit that explain Kt and Ra relative to the usual ones."""
+    at = math.log(constant), math.log(resistance)
     for channel, size, unit in _SCALES:
         for s, word in ((size, unit), (1.0 / size, "")):
             step = math.log(s)
@@ -229,7 +229,7 @@ def _divided(sound: Sequence[Estimate]) -> Finding:
     corrections: tuple[str, ...] = ()
     hint = "use runs of one motor, recorded in the same units"
     for one, other in ((low, high), (high, low)):
-        named = _scale(one, other.constant, other.resistance)
+        named = scale_of(one.constant / other.constant, one.resistance / other.resistance)
         # A forgotten unit is usually a small one, so that the numbers are too large.
         if named is not None and named[1] > 1.0:
             corrections = (factor(one.run, named[0], 1.0 / named[1]),)

@@ -30,6 +30,7 @@ from identification.checks.balance import (
     Balance,
     Signals,
     balances_of,
+    is_constant,
     mean_square,
     regress,
 )
@@ -66,8 +67,6 @@ _FEWEST: Final = 30
 _SMOOTH: Final = 0.9
 """Autocorrelation above which less than a tenth of the variance of a speed is noise."""
 _UNEXPLAINED: Final = 0.6
-_CONSTANT: Final = 0.01
-"""Largest standard deviation of a voltage that is constant for the motor, relative to its mean."""
 _LEVEL: Final = 10.0
 """Least mean of a constant voltage that may be a magnitude, in standard deviations."""
 
@@ -92,7 +91,8 @@ def copied_findings(run: Run, signals: Signals) -> Iterator[Finding]:
 def dead_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     """Findings for current or speed sensors that do not respond to the drive."""
     balances = balances_of(signals)
-    if np.ptp(signals.voltage) == 0.0:
+    if is_constant(signals.voltage):
+        # Nothing to follow: a motor that runs steadily has no signal but noise.
         return
     if not balances:
         yield from _noise_findings(run, signals)
@@ -263,8 +263,8 @@ def unlogged_voltage_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     if speed.size < _FEWEST or _autocorrelation(speed) < _SMOOTH:
         return
     level, scatter = float(np.mean(signals.voltage)), float(np.std(signals.voltage))
-    is_constant = _is_noise(signals, "voltage") or scatter < _CONSTANT * abs(level)
-    if np.std(speed) < 0.1 * float(np.max(np.abs(speed))) or not is_constant:
+    is_flat = _is_noise(signals, "voltage") or is_constant(signals.voltage)
+    if np.std(speed) < 0.1 * float(np.max(np.abs(speed))) or not is_flat:
         return
     missed, _ = _missed(speed, [signals.current, np.gradient(signals.current, signals.time)])
     if missed >= _UNEXPLAINED:

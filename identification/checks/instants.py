@@ -38,7 +38,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.balance import CHANNELS, Signals, balances_of
+from identification.checks.balance import CHANNELS, Signals, balances_of, is_constant
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 from identification.linear import least_squares
@@ -132,6 +132,9 @@ def aliased_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     if pairs.size < _FEWEST:
         return
     voltage, current, speed = signals.voltage, signals.current, signals.speed
+    if is_constant(voltage):
+        # The noise of a motor that runs steadily follows nothing.
+        return
     one, before, after = np.ones(pairs.size), voltage[pairs], voltage[pairs + 1]
     state = [current[pairs], speed[pairs], before, one]
     rise, swing = current[pairs + 1], speed[pairs + 1]

@@ -91,6 +91,17 @@ def test_near_samples_pass(course: Course) -> None:
     assert "voltage_between_samples" not in _codes(_run(course, 0.1 * SETTLING, 1))
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_a_motor_that_runs_steadily_passes(noise: float) -> None:
+    """The noise of its sensors follows no voltage, and a constant voltage does not change."""
+    rng = np.random.default_rng(4)
+    sizes = ((12.0, noise), (2.0, 0.05), (200.0, 0.1))
+    voltage, current, speed = (rng.normal(mean, sd, ROWS) for mean, sd in sizes)
+    run = Run("run.csv", "", 1e-3 * np.arange(ROWS, dtype=np.float64), voltage, current, speed)
+
+    assert check_runs([run]).refused == ()
+
+
 def test_the_refusal_says_what_to_record() -> None:
     """The message has the interval, the sign of the fault and the remedy."""
     (finding,) = check_runs([_run("steps at any time", 5.0 * SETTLING, 1)]).refused

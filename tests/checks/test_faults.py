@@ -41,6 +41,18 @@ def test_the_table_has_more_than_25_types() -> None:
     assert len({fault.name for fault in FAULTS}) >= 25
 
 
+def test_a_faulty_file_that_is_given_twice_is_named_for_each() -> None:
+    """Six runs of the servo, of which the last two are the same run in rpm."""
+    names = ["training_1", "training_2", "training_4", "training_5", "validation_1"]
+    runs = [read_run(DATA / "brush_drop_servo" / f"{name}.csv") for name in names]
+    twice = [read_run(DATA / "brush_drop_servo" / "validation_2.csv") for _ in range(2)]
+    faulty = [replace(run, speed=run.speed * 30.0 / np.pi) for run in twice]
+
+    found = check_runs([*runs, *faulty]).refused
+
+    assert [(f.code, f.file) for f in found] == [("scaled_channel", "validation_2.csv")] * 2
+
+
 PAPER_RUNS = [read_run(DATA / "paper_motor" / f"training_{k}.csv") for k in (1, 2, 3, 5)]
 """Runs of a motor whose friction keeps current and speed proportional: one run determines neither
 R nor K, and only the inductance shows that v and i belong together."""
