@@ -167,13 +167,14 @@ def predict(
     """Simulate the sensor readings of a run from its voltage and temperature.
 
     Writes columns time_s,current_A,speed_rad_s with one row per sample.  The measured current and
-    speed are used for the initial state only.  A run that leaves the range of the fitted runs has a
-    remark on standard error.
+    speed are used for the initial state only.  A run that a fit would refuse, that contradicts the
+    prediction as one of another motor, or that leaves the range of the fitted runs has a remark on
+    standard error.
     """
     from app.commands.console import remark
     from app.commands.files import read_result, writable_file
-    from identification.extrapolation import extrapolation
     from identification.ingest import read_run
+    from identification.remarks import remarks_on
     from identification.result.atomic import write_text
 
     chosen = mapping_of(mapping, map or [])
@@ -183,8 +184,8 @@ def predict(
 
         table = simulate(content, measured, declared)
         write_text(out, table.to_csv(index=False, lineterminator="\n"))
-    if beyond := extrapolation(content, measured, table):
-        remark(beyond)
+    for text in remarks_on(content, measured, table):
+        remark(text)
 
 
 @app.command(cls=SeveralWords)

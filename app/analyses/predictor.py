@@ -26,9 +26,9 @@ from identification.design import (
     task_of_result,
 )
 from identification.errors import IdentificationError
-from identification.extrapolation import extrapolation
 from identification.ingest import Limits, Run, read_run
 from identification.prediction import predict
+from identification.remarks import remarks_on
 from identification.reporting.columns import extremes
 from identification.result.entries import finite_or_null
 from identification.result.report_data import RunTraces
@@ -119,10 +119,9 @@ def _summary(run: Run, prediction: pd.DataFrame, result: dict[str, Any]) -> dict
         ],
         _BUCKETS,
     )
-    beyond = extrapolation(result, run, prediction)
     return {
         "rows": run.rows,
-        "remarks": [beyond] if beyond else [],
+        "remarks": remarks_on(result, run, prediction),
         "errors": {
             "current": _errors(traces, "current", noise.get("current_A")),
             "speed": _errors(traces, "speed", noise.get("speed_rad_s")),

@@ -252,6 +252,24 @@ def test_run_hotter_than_the_fitted_one_is_an_extrapolation(bench: Bench) -> Non
     assert f"{remark}." in html.unescape(page.text)
 
 
+def test_predicted_run_with_a_reversed_sensor_says_so(bench: Bench) -> None:
+    """The answer and the page name the channel and the correction; the table is available."""
+    mapping = {"current_A": {"column": "current_A", "scale": -1.0}}
+    with Client(str(bench.http.base_url)) as client:
+        run = client.upload(bench.files[0], motor=MOTOR, mapping=mapping).id
+    address = f"/api/v1/fits/{bench.first}/predictions/{run}"
+
+    # The wrong initial state may leave the range of the fitted runs, too.
+    remark, *_ = bench.http.get(address).json()["remarks"]
+    page = bench.http.get(f"/fits/{bench.first}/prediction", params={"run": run})
+
+    assert "column current_A: has the wrong sign" in remark
+    assert "“Mapping” of the run, or its member mapping" in remark
+    assert f"{remark}." in html.unescape(page.text)
+    assert bench.http.get(f"{address}.csv").status_code == 200
+    bench.http.delete(f"/api/v1/runs/{run}")
+
+
 @pytest.mark.parametrize("declared", [False, True])
 def test_table_of_a_prediction_is_that_of_the_library(bench: Bench, declared: bool) -> None:
     """A run that the fit has not seen, sample by sample."""

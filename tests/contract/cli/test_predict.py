@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from app.cli import main
-from identification.ingest import read_run
+from identification.ingest import read_run, write_run
 
 
 def table(path: Path) -> dict[str, NDArray[np.float64]]:
@@ -84,6 +85,26 @@ def test_run_beyond_the_fitted_range_is_predicted_with_a_remark(
 
     assert "range of the fitted runs" not in own
     assert f"{run_files[0].name} leaves the range of the fitted runs (voltage " in beyond
+
+
+def test_run_in_another_unit_is_predicted_with_its_correction(
+    fitted: Path, run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The speed is in rpm under a header in rad/s; the correction in the remark removes it."""
+    run = read_run(run_files[3])
+    write_run(replace(run, speed=run.speed * 30.0 / np.pi), tmp_path / "rpm.csv")
+    words = ["predict", str(fitted / "result.json"), str(tmp_path / "rpm.csv")]
+
+    assert main([*words, "--out", str(tmp_path / "a.csv")]) == 0
+    remark = capsys.readouterr().err
+    correction = re.findall("--map '([^']*)'", remark)
+    assert main([*words, "--out", str(tmp_path / "b.csv"), "--map", *correction]) == 0
+
+    assert "rpm.csv contradicts physics or the result" in remark
+    assert "probably in rpm" in remark
+    assert correction == ["rpm.csv:speed_rad_s=speed_rad_s * 0.10471975512"]
+    assert "contradicts" not in capsys.readouterr().err
+    assert (tmp_path / "a.csv").exists()
 
 
 def test_prediction_replaces_an_older_one(

@@ -1,0 +1,176 @@
+"""Remarks on a predicted run: contradictions in its measured channels, and extrapolation.
+
+A prediction needs the measured current and speed for the initial state only, so a run that a fit
+would refuse is predicted nevertheless.  Its errors may then say nothing about the model.
+
+A measured channel with a wrong sign or scale is proportional to its prediction.  The first quarter
+of a run is left out, because a wrong scale is in the initial state, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from identification.arrays import Array
+from identification.checks.balance import signals_of
+from identification.checks.campaign import check_runs
+from identification.checks.consistency import scale_of
+from identification.checks.dead import dead_findings
+from identification.checks.finding import Finding, factor
+from identification.extrapolation import extrapolation
+from identification.ingest.run import Run
+from identification.warning import both_ways
+
+__all__ = ["contradictions", "remarks_on"]
+
+_START: Final = 0.25
+"""Fraction of the samples at the start that is left out [-]."""
+_FEWEST: Final = 50
+_PROPORTIONAL: Final = 0.95
+"""Correlation with the prediction from which a channel is proportional to it [-]."""
+_FACTOR: Final = 1.8
+"""Slope over the prediction that neither temperature nor an effect explains [-].  Of 588 runs of 84
+motors with an effect, the nominal model predicts all within 1.6."""
+_UNEXPLAINED: Final = 0.8
+"""Fraction of the variance that the prediction of another motor leaves [-]; of the same, 0.72."""
+_NOISE: Final = 10.0
+"""Error over the noise of the fit up to which a channel may have no signal to explain [-]."""
+
+
+def remarks_on(result: Mapping[str, Any], run: Run, predicted: pd.DataFrame) -> list[str]:
+    """Sentences on the limits of a prediction, as `predict` returns it; empty if it has none."""
+    found = contradictions(result, run, predicted)
+    remarks = [_sentence(run, found)] if found else []
+    beyond = extrapolation(result, run, predicted)
+    return [*remarks, beyond] if beyond else remarks
+
+
+@np.errstate(all="ignore")
+def contradictions(
+    result: Mapping[str, Any], run: Run, predicted: pd.DataFrame
+) -> Sequence[Finding]:
+    """Contradictions of a run in itself, or else with its prediction.
+
+    If current and speed are both constant, the run has inputs only, and nothing to compare.
+    """
+    constant = [np.ptp(channel) == 0.0 for channel in (run.current, run.speed)]
+    if all(constant):
+        return ()
+    refused = check_runs([run]).refused
+    if refused or any(constant):
+        return refused or list(dead_findings(run, signals_of(run)))
+    pairs = {
+        name: _compared(run, name, predicted[name].to_numpy())
+        for name in ("current_A", "speed_rad_s")
+    }
+    if any(measured.size < _FEWEST for measured, _ in pairs.values()):
+        return ()
+    slopes = {name: _slope(*pair) for name, pair in pairs.items()}
+    known = {name: slope for name, slope in slopes.items() if slope is not None}
+    if any(slope < 0.0 for slope in known.values()):
+        return [_reversed(run, known)]
+    noise = result.get("noise") or {}
+    lost = [
+        name for name in slopes if name not in known and _is_lost(*pairs[name], noise.get(name))
+    ]
+    return _scaled(run, known) or [_foreign(run, name, *pairs[name]) for name in lost[:1]]
+
+
+def _compared(run: Run, name: str, predicted: Array) -> tuple[Array, Array]:
+    """Measured and predicted samples of a channel that are compared, (n_compared,) each."""
+    kept = np.isfinite(predicted) & ~run.omitted(name)
+    kept[: int(_START * run.rows)] = False
+    return run.channels[name][kept], predicted[kept]
+
+
+def _slope(measured: Array, predicted: Array) -> float | None:
+    """Slope of a channel over its prediction; None if it is not proportional to it."""
+    measured, predicted = measured - measured.mean(), predicted - predicted.mean()
+    size, common = float(predicted @ predicted), float(measured @ predicted)
+    both = math.sqrt(size * float(measured @ measured))
+    return common / size if both > 0.0 and abs(common) > _PROPORTIONAL * both else None
+
+
+def _unexplained(measured: Array, predicted: Array) -> float:
+    """Mean square of the prediction error over the variance of the channel [-]."""
+    return float(np.mean((measured - predicted) ** 2) / np.var(measured))
+
+
+def _is_lost(measured: Array, predicted: Array, noise: object) -> bool:
+    """True if a prediction misses a channel, whose noise in the fit is known and small."""
+    error = math.sqrt(float(np.mean((measured - predicted) ** 2)))
+    is_signal = isinstance(noise, int | float) and error > _NOISE * noise
+    return is_signal and _unexplained(measured, predicted) > _UNEXPLAINED
+
+
+def _reversed(run: Run, slopes: Mapping[str, float]) -> Finding:
+    """Finding for a channel with the opposite sign; a reversed voltage reverses both others."""
+    negative = [name for name, slope in slopes.items() if slope < 0.0]
+    name = negative[0] if len(negative) == 1 else "voltage_V"
+    return Finding(
+        "reversed_channel",
+        "refuse",
+        run.name,
+        name,
+        f"has the wrong sign: the prediction is the opposite of {' and of '.join(negative)}",
+        f"slope of {negative[0]} over the prediction",
+        slopes[negative[0]],
+        0.0,
+        (factor(run, name, -1.0),),
+    )
+
+
+def _scaled(run: Run, slopes: Mapping[str, float]) -> list[Finding]:
+    """Finding for a channel whose values are a multiple of those predicted; empty if none is."""
+    worst = max(slopes, key=lambda name: abs(math.log(slopes[name])), default=None)
+    if worst is None or abs(math.log(slopes[worst])) < math.log(_FACTOR):
+        return []
+    # Speed over voltage is 1 / Kt, current over voltage 1 / Ra.
+    current, speed = (slopes.get(name, 1.0) for name in ("current_A", "speed_rad_s"))
+    named = scale_of(1.0 / speed, 1.0 / current)
+    slope = slopes[worst]
+    channel, size, unit = named or (worst, slope, "")
+    cause = f"; the values are probably in {unit}" if unit else ""
+    if named is None:
+        cause = ": another motor or another load than in the fitted runs, or a wrong scale"
+    return [
+        Finding(
+            "foreign_motor" if named is None else "scaled_channel",
+            "refuse",
+            run.name,
+            channel,
+            f"the values are {size:.4g} times those of the prediction{cause}",
+            f"slope of {worst} over the prediction",
+            slope,
+            _FACTOR if slope > 1.0 else 1.0 / _FACTOR,
+            (factor(run, channel, 1.0 / size),) if named else (),
+        )
+    ]
+
+
+def _foreign(run: Run, name: str, measured: Array, predicted: Array) -> Finding:
+    return Finding(
+        "foreign_motor",
+        "refuse",
+        run.name,
+        name,
+        "the prediction does not follow it: another motor or another load than in the fitted runs, "
+        "or a wrong column",
+        "unexplained fraction of the variance",
+        _unexplained(measured, predicted),
+        _UNEXPLAINED,
+    )
+
+
+def _sentence(run: Run, found: Sequence[Finding]) -> str:
+    ways = f"correct the run with {both_ways('map')}" if any(f.corrections for f in found) else ""
+    text = "; ".join(f"({number}) {finding}" for number, finding in enumerate(found, 1))
+    return (
+        f"{run.name} contradicts physics or the result; {ways or 'check the run'} before you judge "
+        f"the model by the errors of this prediction: {text}"
+    )
