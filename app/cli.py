@@ -28,6 +28,7 @@ from app.commands.exits import (
     raised_signals,
 )
 from app.commands.export import export
+from app.commands.join import join
 from app.commands.service import backup, keys, restore, serve
 from app.commands.tune import tune
 from app.logging import warnings_logged
@@ -151,6 +152,9 @@ def check(
     given += [word for text in map or [] for word in ("--map", text)]
     understood = mapping_of(mapping, map or [])
     check(runs, understood, save_mapping, given=given, output=Output(json, quiet))
+
+
+app.command(cls=SeveralWords)(join)
 
 
 @app.command(cls=SeveralWords)

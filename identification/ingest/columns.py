@@ -199,8 +199,12 @@ def missing_columns(
     if similar.get("voltage_V") == [] and not any("voltage_V" in each for each in derived):
         hint += " (a voltage that was constant during the whole run is a number)"
         derived.append({"voltage_V": {"value": "VOLTS"}})
-    if len(_in_volts(free)) == 1 and len(_MEASURED.intersection(names)) > 1:
-        hint += "; join the files of an oscilloscope that writes one for each channel"
+    signals = [column for column in free if "time" not in column.quantities]
+    if 1 in (len(_in_volts(free)), len(signals)) and len(_MEASURED.intersection(names)) > 1:
+        hint += (
+            "; join the files of a device that writes one for each channel with `motorid join FILE "
+            "FILE FILE --out run.csv`"
+        )
     is_needed = similar.get("current_A") == [] and "speed_rad_s" not in names
     needed = _NO_CURRENT if is_needed else ""
     absent = ", ".join(name for name in names if not similar[name])

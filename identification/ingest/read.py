@@ -47,7 +47,7 @@ from identification.ingest.tables import choose_table, closest_table
 from identification.ingest.text import TextReader
 from identification.ingest.timing import check_time, find_segments
 
-__all__ = ["FEWEST_ROWS", "READERS", "list_columns", "read_run"]
+__all__ = ["FEWEST_ROWS", "READERS", "list_columns", "opened", "read_run"]
 
 FEWEST_ROWS = 10
 """Smallest accepted number of samples; fewer carry too little information for seven parameters."""
@@ -91,7 +91,7 @@ def read_run(
     with naming(shown):
         run_mapping = read_mapping(mapping, shown)
         with open_run_file(Path(source), shown, limits) as file:
-            return _run(file, _opened(file, (*readers, *READERS)), run_mapping, limits)
+            return _run(file, opened(file, (*readers, *READERS)), run_mapping, limits)
 
 
 def list_columns(
@@ -104,14 +104,15 @@ def list_columns(
     """
     shown = _shown(path, name)
     with naming(shown), open_run_file(Path(path), shown, limits or Limits()) as file:
-        return tuple(closest_table(_opened(file, READERS)).columns)
+        return tuple(closest_table(opened(file, READERS)).columns)
 
 
 def _shown(path: str | os.PathLike[str], name: str | None) -> str:
     return plain(name if name is not None else os.path.basename(os.fspath(path)), 200)
 
 
-def _opened(file: RunFile, readers: Sequence[Reader]) -> SourceTable | TableSet:
+def opened(file: RunFile, readers: Sequence[Reader]) -> SourceTable | TableSet:
+    """Table or tables of a file, by the first reader that recognises it."""
     content = unpacked(file)
     reader = next(r for r in readers if r.recognises(content.name, content.head))
     return reader.open(content)

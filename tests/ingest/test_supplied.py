@@ -254,7 +254,7 @@ def test_files_of_one_channel_are_joined(
         lines = [",".join(row) for row in zip(first, map(repr, cells.tolist()), strict=True)]
         end = "".join(f"{line},{','.join(times)}\n" if times else f"{line}\n" for line in lines)
         path.write_text(above.format(f"CH{number}") + end, encoding="utf-8")
-        with pytest.raises(MissingColumn, match="join the files of an oscilloscope"):
+        with pytest.raises(MissingColumn, match="motorid join FILE FILE FILE --out"):
             read_run(path)
         cut = slice(1, 2) if times or columns else slice(0, 2)
         rows = path.read_text(encoding="utf-8").splitlines()

@@ -1,0 +1,187 @@
+"""One run from several files of one channel each, as some oscilloscopes and loggers write them.
+
+    join_files(["CH1.csv", "CH2.csv"], "run.csv", {"voltage_V": {"column": "CH1"}, ...})
+
+Each file has a time and one or more signals.  The signals are channels with clocks of their own,
+which `SignalTable` brings together, and the run has all checks of a file.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from identification.arrays import Array
+from identification.errors import DuplicateColumn, InputError, MissingColumn
+from identification.ingest.channels import Channel, assign_channels
+from identification.ingest.columns import Column
+from identification.ingest.display import listed, plain
+from identification.ingest.file import Limits, RunFile, naming, open_run_file
+from identification.ingest.formats.clocks import Signal, SignalTable, joined
+from identification.ingest.mapping import ChannelMapping, read_mapping
+from identification.ingest.names import is_sample_number
+from identification.ingest.read import READERS, opened, read_run
+from identification.ingest.run import Run, RunWarning, SourceLocator
+from identification.ingest.supplied import requested, supplied
+from identification.ingest.tables import closest_table
+from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit
+
+__all__ = ["join_files"]
+
+_UNLIKE: Final = 0.05
+"""Difference of durations from which files are not of one recording, over the longest [-]."""
+
+
+def join_files(
+    paths: Sequence[Path],
+    name: str,
+    mapping: Mapping[str, object] | None = None,
+    limits: Limits | None = None,
+) -> Run:
+    """Read the files of one recording as one run.
+
+    Args:
+        paths: Files, each with a time and signals.
+        name: Name of the run in messages.
+        mapping: Columns of the channels.  An entry of the time applies to each file.  A title that
+            several files have is preceded by the name of its file, as in ``CH1.csv/Ampl``; a signal
+            without a title has the name of its file without the ending.
+        limits: Size limits of each file.
+
+    Raises:
+        RunFileError: A file cannot be read, a channel is given twice, or the signals together are
+            no run.
+        InputError: There is one file, or the files differ in duration.
+    """
+    clock = read_mapping(mapping, name).channels.get("time_s")
+    reader = _Files(paths, clock, limits or Limits())
+    others = {key: entry for key, entry in (mapping or {}).items() if key != "time_s"}
+    return read_run(paths[0], name=name, mapping=others, limits=limits, readers=[reader])
+
+
+@dataclass(frozen=True)
+class _Content:
+    """Signals of one file."""
+
+    file: str
+    sha256: str
+    time: Array
+    """(n_sample,) [s]."""
+    signals: tuple[Signal, ...]
+    warnings: tuple[RunWarning, ...]
+
+
+@dataclass(frozen=True)
+class _Files:
+    """Reader that gives the signals of all files for any of them."""
+
+    paths: Sequence[Path]
+    clock: ChannelMapping | None
+    limits: Limits
+
+    def recognises(self, name: str, head: bytes) -> bool:
+        """Return True: the run is not that of the first file alone."""
+        return True
+
+    def open(self, file: RunFile) -> SignalTable:
+        """Read all files."""
+        contents = []
+        for path in self.paths:
+            shown = plain(path.name, 200)
+            with naming(shown), open_run_file(path, shown, self.limits) as one:
+                contents.append(_content(one, self.clock))
+        _refuse_repeated(contents)
+        _refuse_unlike(contents)
+        warnings = tuple(itertools.chain.from_iterable(c.warnings for c in contents))
+        names = [content.file for content in contents]
+        groups = {
+            name if names.count(name) == 1 else f"{number}/{name}": content.signals
+            for number, (name, content) in enumerate(zip(names, contents, strict=True), 1)
+        }
+        table = joined(groups, file.name, warnings)
+        if table is None:
+            raise InputError("one file has nothing to be joined with; give those of all channels")
+        return table
+
+
+def _content(file: RunFile, clock: ChannelMapping | None) -> _Content:
+    """Read the time and the signals of a file."""
+    table = closest_table(opened(file, READERS))
+    time = _time_of(table.columns, clock)
+    columns = [c for c in table.columns if c is not time.column and "time" not in c.quantities]
+    # The columns of an oscilloscope without a unit are its settings, such as Start and Increment.
+    columns = [c for c in columns if c.unit_texts] or [
+        c for c in columns if c.texts and not any(map(is_sample_number, c.texts))
+    ]
+    if not columns:
+        raise MissingColumn("the file has no column of a signal; expected a time and a signal")
+    values = [Channel(f"signal {c.index}", c, c.unit or canonical_unit("duty")) for c in columns]
+    samples = table.read([*requested({"time_s": time}), *values])
+    locator = SourceLocator(file.name, {"time_s": time.column.label}, samples.row)
+    read, _ = supplied(samples, {"time_s": time}, locator)
+    seconds = time.unit.factor * (read.cells["time_s"] * time.scale + time.offset)
+    signals = tuple(
+        Signal(
+            (channel.column.title if channel.column.texts else Path(file.name).stem,),
+            next(iter(channel.column.unit_texts), ""),
+            partial(np.asarray, seconds),
+            partial(np.asarray, samples.cells[channel.name]),
+        )
+        for channel in values
+    )
+    return _Content(file.name, file.sha256(), seconds, signals, samples.warnings)
+
+
+def _time_of(columns: Sequence[Column], clock: ChannelMapping | None) -> Channel:
+    """Channel of the time; the other channels are in other files."""
+    elsewhere = {name: ChannelMapping(name, None, value=0.0) for name in CHANNEL_QUANTITIES}
+    del elsewhere["time_s"]
+    return assign_channels(columns, elsewhere | ({"time_s": clock} if clock else {}))["time_s"]
+
+
+def _refuse_repeated(contents: Sequence[_Content]) -> None:
+    """Refuse a file or a numbered channel that is given twice."""
+    for one, other in itertools.combinations(contents, 2):
+        if one.sha256 == other.sha256:
+            raise DuplicateColumn(
+                f"{one.file} and {other.file} have the same content; give each channel once",
+                file=other.file,
+            )
+        titles = {signal.names[0] for signal in one.signals}
+        # A number in a title is that of a channel, as in CH1; Ampl and Volt are of any.
+        both = [
+            title
+            for signal in other.signals
+            if (title := signal.names[0]) in titles and any(map(str.isdigit, title))
+        ]
+        if both:
+            raise DuplicateColumn(
+                f"{one.file} and {other.file} both have the channel {listed(both)}; give each "
+                "channel once, from one recording",
+                file=other.file,
+                column=plain(both[0]),
+            )
+
+
+def _refuse_unlike(contents: Sequence[_Content]) -> None:
+    """Refuse files of which one is much shorter than the longest."""
+    longest = max(contents, key=_duration)
+    for one in contents:
+        missing = _duration(longest) - _duration(one)
+        interval = _duration(one) / max(one.time.size - 1, 1)
+        if missing > max(_UNLIKE * _duration(longest), 2.0 * interval):
+            raise InputError(
+                f"lasts {_duration(one):.4g} s, and {longest.file} {_duration(longest):.4g} s; "
+                "expected files of one recording: export the same span of each channel",
+                file=one.file,
+            )
+
+
+def _duration(content: _Content) -> float:
+    return float(np.ptp(content.time)) if content.time.size else 0.0

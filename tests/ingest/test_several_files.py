@@ -1,0 +1,114 @@
+"""Files of one channel each, joined to one run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.commands.arguments import mapping_of
+from identification.errors import InputError
+from identification.ingest import Run
+from identification.ingest.several_files import join_files
+
+TIME = 1e-3 * np.arange(400)
+VOLTAGE = 12.0 * np.sign(np.sin(40.0 * TIME))
+CURRENT = 2.0 * np.sin(40.0 * TIME)
+SPEED = 100.0 * np.cos(40.0 * TIME)
+PROBES = ["voltage_V=CH1", "current_A=CH2 * 10", "speed_rad_s=CH3 * 50"]
+
+
+def written(path: Path, header: str, *columns: np.ndarray, end: str = "") -> Path:
+    """Write a table; each line ends with `end`."""
+    rows = [",".join(map(repr, row)) + end for row in np.column_stack(columns).tolist()]
+    path.write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    return path
+
+
+def oscilloscope(directory: Path, form: str) -> list[Path]:
+    """Three files of volts: of Tektronix, of Rigol with fewer cells than names, or of LeCroy."""
+    files = []
+    for number, values in enumerate((VOLTAGE, CURRENT / 10.0, SPEED / 50.0), start=1):
+        path = directory / f"C{number}.csv"
+        head, first = {
+            "tektronix": (f"Horizontal Units,s\nVertical Units,V\nTIME,CH{number}", TIME),
+            "rigol": (f"X,CH{number},Start,Increment,\nSequence,Volt,0,1e-3", np.arange(400)),
+            "lecroy": ("Time,Ampl", TIME),
+        }[form]
+        files.append(written(path, head, first, values, end="," * (form == "rigol")))
+    return files
+
+
+def joined(files: list[Path], *settings: str) -> Run:
+    """Joined run with the mapping of the command line."""
+    return join_files(files, "run.csv", mapping_of(None, settings))
+
+
+@pytest.mark.parametrize("form", ["tektronix", "rigol", "lecroy"])
+def test_files_of_an_oscilloscope_are_one_run(tmp_path: Path, form: str) -> None:
+    """The samples are those of the files, times the gains of the probes."""
+    titles = {"tektronix": "CH{}", "rigol": "C{}", "lecroy": "C{}.csv/Ampl"}[form]
+    settings = [one.replace(f"CH{k}", titles.format(k)) for k, one in enumerate(PROBES, 1)]
+    settings += ["time_s=Time in s"] if form == "lecroy" else []
+
+    run = joined(oscilloscope(tmp_path, form), *settings)
+
+    np.testing.assert_allclose(run.time, TIME, atol=1e-15)
+    np.testing.assert_array_equal(run.voltage, VOLTAGE)
+    np.testing.assert_allclose(run.current, CURRENT, rtol=1e-12)
+    np.testing.assert_allclose(run.speed, SPEED, rtol=1e-12)
+    assert "different_clocks" not in [warning.code for warning in run.warnings]
+
+
+def test_channels_with_clocks_of_their_own_follow_the_voltage(tmp_path: Path) -> None:
+    """The speed is logged in ms at a fifth of the rate; it is linear between its samples."""
+    files = [
+        written(tmp_path / "u.csv", "t [s],voltage [V]", TIME, VOLTAGE),
+        written(tmp_path / "i.csv", "t [s],current [mA]", TIME, 1e3 * CURRENT),
+        written(tmp_path / "n.csv", "t [ms],speed [rad/s]", 1e3 * TIME[::5], SPEED[::5]),
+    ]
+
+    run = joined(files)
+
+    np.testing.assert_array_equal(run.time, TIME[:396])
+    np.testing.assert_allclose(run.current, CURRENT[:396], rtol=1e-12)
+    np.testing.assert_allclose(run.speed, np.interp(TIME[:396], TIME[::5], SPEED[::5]))
+    (note,) = (w.message for w in run.warnings if w.code == "different_clocks")
+    assert "speed [rad/s] (0.005 s) is interpolated linearly" in note
+
+
+def test_files_that_are_no_single_recording_are_refused(tmp_path: Path) -> None:
+    """A file twice, a channel of two recordings, a shorter recording, and one file alone."""
+    first, second, third = oscilloscope(tmp_path, "tektronix")
+    copy = tmp_path / "copy.csv"
+    copy.write_bytes(first.read_bytes())
+    again = written(tmp_path / "again.csv", "TIME [s],CH1", TIME, -VOLTAGE)
+    short = written(tmp_path / "short.csv", "TIME [s],CH3", TIME[:200], SPEED[:200])
+
+    for files, message in (
+        ([first, second, copy], "C1.csv and copy.csv have the same content"),
+        ([first, second, again], "C1.csv and again.csv both have the channel 'CH1'"),
+        ([first, second, short], "short.csv: lasts 0.199 s, and C1.csv 0.399 s"),
+        ([first], "one file has nothing to be joined with"),
+    ):
+        with pytest.raises(InputError, match=message):
+            joined(files, *PROBES)
+    with pytest.raises(InputError, match=r"'CH1', 'CH2', 'CH3' in V have no name"):
+        joined([first, second, third])
+
+
+def test_files_with_one_name_are_told_apart_by_their_position(tmp_path: Path) -> None:
+    """Loggers that write one directory for each channel."""
+    files = []
+    for number, values in enumerate((VOLTAGE, CURRENT, SPEED), start=1):
+        (tmp_path / f"{number}").mkdir()
+        files.append(written(tmp_path / f"{number}" / "log.csv", "t [s],value", TIME, values))
+
+    run = joined(
+        files,
+        *(f"{name}={k}/log.csv/value" for k, name in
+          enumerate(("voltage_V", "current_A", "speed_rad_s"), 1)),
+    )  # fmt: skip
+
+    np.testing.assert_array_equal(run.speed, SPEED)
