@@ -10,10 +10,10 @@ function renewWork() {
   return inTurn(["work"], () => renew("work"));
 }
 
-/** Updates the unfinished rows with the attribute `data-KIND`; returns their number. */
-async function look(kind, path, show, mayRenew) {
+/** Updates the unfinished rows with the attribute `data-KIND`; counts them, and those that have ended. */
+async function look(kind, path, show) {
   const rows = [...document.querySelectorAll(`[data-${kind}]`)].filter((row) => !hasEnded(row.dataset.status));
-  if (rows.length === 0) return 0;
+  if (rows.length === 0) return { open: 0, ended: 0 };
   const { items } = await call("GET", path);
   const found = new Map(items.map((item) => [item.id, item]));
   let ended = 0;
@@ -22,22 +22,23 @@ async function look(kind, path, show, mayRenew) {
     if (!now || hasEnded(now.status)) ended += 1;
     if (now) show(row, now);
   }
-  if (ended && mayRenew) await renewWork();
-  return rows.length;
+  return { open: rows.length, ended };
 }
 
 let isCut = false;
 
 async function watch() {
   try {
-    const batches = await look("batch", "/batches?limit=50", showBatch, true);
-    // The fits of a running batch end often, so the list is renewed only after the batch has ended.
+    const batches = await look("batch", "/batches?limit=50", showBatch);
     const { after } = document.getElementById("work").dataset;
     const path = `/fits?limit=100${after && `&after=${encodeURIComponent(after)}`}`;
-    const fits = await look("fit", path, showProgress, batches === 0);
+    const fits = await look("fit", path, showProgress);
+    // Before the list is renewed, which takes a while.
     if (isCut) showProblem();
     isCut = false;
-    if (batches + fits) setTimeout(watch, WATCH_MS);
+    // The fits of a running batch end often, so the list is renewed only after the batch has ended.
+    if (batches.ended || (fits.ended && !batches.open)) await renewWork();
+    if (batches.open + fits.open) setTimeout(watch, WATCH_MS);
   } catch (error) {
     // The service may be restarting, and its fits continue after that.
     isCut = true;
