@@ -9,8 +9,6 @@ import typer
 
 from app.commands import options
 from app.commands.arguments import check_mapped_files, mapping_of
-from app.commands.console import remark
-from app.commands.files import writable_file
 
 __all__ = ["join"]
 
@@ -28,6 +26,8 @@ def join(
     Writes canonical columns in SI units on one clock: that of the voltage, or of a channel that is
     logged faster.  Between samples, a voltage keeps its value, and other channels are linear.
     """
+    from app.commands.console import remark
+    from app.commands.files import writable_file
     from identification.ingest import write_run
     from identification.ingest.several_files import join_files
 
