@@ -118,9 +118,15 @@ def _effects_sentence(result: Entry) -> str:
 
 
 def _with_probabilities(effects: Sequence[Entry]) -> str:
-    return listed(
-        [f"{effect['name'].replace('_', ' ')} ({effect_details(effect)})" for effect in effects]
-    )
+    return listed([f"{_with_equals(effect)} ({effect_details(effect)})" for effect in effects])
+
+
+def _with_equals(effect: Entry) -> str:
+    """Name of an effect, and those of the alternatives that are at least as probable."""
+    others = effect.get("alternatives") or ()
+    equals = [one["name"] for one in others if one["probability"] >= effect["probability"]]
+    names = [effect["name"], *(name for name in equals if name != "unlisted")]
+    return " or ".join(name.replace("_", " ") for name in names)
 
 
 def effect_tiles(data: ReportData) -> list[Entry]:

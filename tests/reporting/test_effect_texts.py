@@ -43,6 +43,20 @@ def test_the_alternatives_of_such_an_effect_have_no_probability_either() -> None
     assert (tile["probability"], tile["alternatives"]) == ("not applicable", "viscous temperature")
 
 
+def test_effects_that_the_runs_do_not_separate_are_named_together(result: dict[str, Any]) -> None:
+    """In one direction, Coulomb friction and a load are the same constant torque."""
+    result["effects"][0]["probability"] = 0.499
+    result["effects"][0]["alternatives"] = [
+        {"name": "load_torque", "probability": 0.5},
+        {"name": "quadratic_drag", "probability": 0.001},
+    ]
+
+    first = headline_sentences(result)[0]
+
+    assert "coulomb friction or load torque (probability 49.9 %)" in first
+    assert "quadratic drag" not in first
+
+
 def test_a_surrogate_is_no_effect_of_the_motor(result: dict[str, Any]) -> None:
     """A term outside the catalogue is more probable than the friction."""
     result["effects"][0]["probability"] = 0.005
