@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -28,6 +28,7 @@ from identification.fit.noise import noise_deviation
 from identification.fit.order_tracking import is_tracked
 from identification.fit.sensors import bounded_noise
 from identification.fit.solve import Fit
+from identification.model.excitation import Record
 from identification.result.entries import NEAR_NOISE, NOTHING, finite_or_null
 from identification.selection.outcome import Outcome
 
@@ -63,14 +64,24 @@ class ResidualAnalysis:
         return {
             stage: {
                 "training": simulate_fitted(fit),
-                "validation": simulate_unseen(
-                    fit,
-                    self.campaign.validation,
-                    whole=is_tracked(fit.simulator.model),
-                ),
+                "validation": self._unseen(fit),
             }
             for stage, fit in (("before", self.declared), ("after", self.final))
         }
+
+    def _unseen(self, fit: Fit) -> list[Simulated]:
+        """Simulations of the validation runs.
+
+        At unknown angles, sharp friction has local optima; the angles of the model with smooth
+        friction are their start.
+        """
+        records: Sequence[Record] = self.campaign.validation
+        smooth = self.outcome.smooth if self.outcome and fit is self.final else None
+        whole = is_tracked(fit.simulator.model)
+        if whole and smooth is not None:
+            start = replace(fit, simulator=fit.simulator.changed_to(smooth, fit.values))
+            records = [one.record for one in simulate_unseen(start, records, whole=True)]
+        return simulate_unseen(fit, records, whole=whole)
 
     @cached_property
     def before(self) -> Detection | None:
