@@ -2,8 +2,9 @@
 
 The lanes are the Levenberg-Marquardt steps of a ladder of damping parameters.  If the best gains
 far less than the quadratic model predicts, the valley is curved, and the steps are corrected to
-second order (geodesic acceleration).  If it gains far more, the Gauss-Newton matrix overstates the
-curvature, because the residual is large, and the step is lengthened.
+second order (geodesic acceleration).  If an undamped step gains far more, the Gauss-Newton matrix
+overstates the curvature, because the residual is large, and the step is lengthened.  A damped step
+is not: far from the optimum, a long one may end in another valley.
 
 Source: Transtrum and Sethna, arXiv preprint 1201.5885 (2012) (geodesic acceleration).
 """
@@ -33,7 +34,7 @@ _PROBE: Final = 0.1
 _SHORTER: Final = np.array([0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001])
 """Fractions of the undamped step that are tried if no damping lowers the cost."""
 _LONGER: Final = np.array([2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0])
-"""Multiples of a step that are tried if it gains more than predicted."""
+"""Multiples of an undamped step that are tried if it gains more than predicted."""
 _UNDERSTATED: Final = 1.5
 """Achieved gain over predicted gain above which the step is too short: at an overstated curvature
 the ratio is 1 to 2, and 2 if there is none."""
@@ -66,9 +67,9 @@ def trial_steps(
         bent_costs, bent_sized = cost_of(simulator, coordinates, bent[0], bent[1], weighting)
         if bent_costs.min() < costs.min():
             trial, costs, sized = bent, bent_costs, bent_sized
-    if cost - costs.min() > _UNDERSTATED * decrement + NEGLIGIBLE:
+    best = int(np.argmin(costs))
+    if ladder[best] == 0.0 and cost - costs[best] > _UNDERSTATED * decrement + NEGLIGIBLE:
         # The lanes remain those of the ladder; the best one is replaced.
-        best = int(np.argmin(costs))
         far, far_costs, far_sized = _lengthened(equations, coordinates, at, trial, best, weighting)
         if far_costs.min() < costs.min():
             costs[best], sized = far_costs.min(), far_sized
