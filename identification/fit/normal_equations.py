@@ -71,7 +71,7 @@ class NormalEquations:
 
     @property
     def is_finite(self) -> bool:
-        """Whether a step can be computed; False if the simulation or its sensitivities diverge."""
+        """True if a step can be computed: neither the simulation nor its sensitivities diverge."""
         return bool(np.isfinite(self.matrix).all() and np.isfinite(self.gradient).all())
 
     def decrement_within(self, position: Array, coordinates: Coordinates) -> float:

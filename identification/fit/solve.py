@@ -124,13 +124,14 @@ class Fit:
         return np.asarray(np.sqrt(np.diag(self.equations.covariance())) * slopes)
 
     def is_behind(self, limits: TerminationLimits) -> bool:
-        """Whether the fit is not predicted to reach `TerminationLimits.abandon_cost`."""
+        """True if the fit is not predicted to reach `TerminationLimits.abandon_cost`."""
         return not self.may_reach(limits.abandon_cost, _OPTIMISM[-1])
 
     def may_reach(self, cost: float, optimism: float = _OPTIMISM[0]) -> bool:
-        """Whether further steps may reach a cost: `optimism` is their gain over that predicted.
+        """True if further steps may reach a cost.
 
-        The default holds for a fit that has made no step yet.
+        Their gain is at most `optimism` times the predicted gain of one step; the default is for a
+        fit that has made no step yet.
         """
         predicted = self.equations.decrement_within(self.position, self.coordinates)
         return self.cost - optimism * predicted <= cost
