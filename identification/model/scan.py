@@ -195,6 +195,8 @@ class Scan:
             for kernel, task in tasks:
                 kernel.run(*task)
         else:
+            # The longest first: one that starts last would leave the other threads idle.
+            tasks.sort(key=lambda each: -each[1][0])
             for _ in _workers(threads()).map(lambda each: each[0].run(*each[1]), tasks):
                 pass
         return finals, outputs
