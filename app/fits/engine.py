@@ -51,7 +51,7 @@ class AbstractRunning(abc.ABC):
         """Kill the job; return when it has ended."""
 
     def _take(self, messages: Sequence[dict[str, Any]]) -> None:
-        """Keep messages of the process, and how it has ended."""
+        """Keep the messages of the process and the reason for its end."""
         for message in messages:
             if "exit" in message:
                 self._end = _in_words(message["exit"])

@@ -53,7 +53,7 @@ def _page(
 
 
 def refusal(problem: str, part: str) -> dict[str, Any]:
-    """Status of a page with a problem, which htmx shows in the place of an answer; or neither."""
+    """Status and headers of a page with a problem, for htmx; empty if there is no problem."""
     if not problem:
         return {}
     headers = {"HX-Retarget": part, "HX-Reselect": part, "HX-Reswap": "outerHTML"}
