@@ -29,6 +29,7 @@ __all__ = [
     "Value",
     "block_type",
     "translated",
+    "without_repeats",
 ]
 
 LANES: Final = 8
@@ -315,6 +316,12 @@ def translated(
         else:
             work[target[0]] = operation(code, [work[j] for j in inputs(k)])
     return results
+
+
+def without_repeats(function: ca.Function) -> ca.Function:
+    """SX function that computes each repeated expression once: a fifth of those of a tangent."""
+    given = function.sx_in()
+    return ca.Function(function.name(), given, ca.cse(function.call(given)))
 
 
 def _stage_of(operands: list[Value]) -> str:

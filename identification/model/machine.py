@@ -53,8 +53,8 @@ _NAMES: Final = {"exp": "v", "log": "v", "sin": "v", "cos": "v", "pow": "vv"}
 def compiled(text: Callable[[], str], level: Level, key: str | None) -> bytes:
     """Object code from the cache on disk, or compiled and kept there; without a key not kept.
 
-    CasADi's list has no dead and few repeated operations, so LLVM's passes over the text would
-    double the compile time without faster code.
+    CasADi's list has no dead operations, and its own search removes repeated ones, so LLVM's passes
+    over the text would double the compile time without faster code.
     """
     code = kept(key) if key else None
     if code is None:

@@ -34,7 +34,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.model.interpreter import Interpreted
 from identification.model.loop import STRIDE, lower
-from identification.model.lowering import LANES
+from identification.model.lowering import LANES, without_repeats
 from identification.model.machine import Level, Loaded, compiled, vector_width
 from identification.threads import threads
 from identification.work import charge, charge_once
@@ -128,7 +128,9 @@ class Scan:
                 self._kernels[form, lanes] = Interpreted(step)
             else:
                 key = f"{self._key}{form}{lanes}" if self._key else None
-                code = compiled(lambda: lower(step, prepare, lanes), form, key)
+                # Unoptimised code runs too rarely to repay the search for repeated expressions.
+                made = without_repeats if form else lambda one: one
+                code = compiled(lambda: lower(made(step), prepare, lanes), form, key)
                 self._kernels[form, lanes] = Loaded(code, _ARGUMENTS)
         return self._kernels[form, lanes]
 

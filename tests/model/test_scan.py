@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification.errors import ComputationError
 from identification.model import interpreter, scan
 from identification.model.loop import lower
-from identification.model.lowering import LANES
+from identification.model.lowering import LANES, without_repeats
 from identification.model.scan import Effort, Scan, scan_of
 
 Array = NDArray[np.float64]
@@ -280,6 +280,21 @@ def test_a_lane_has_the_same_result_in_wide_and_narrow_blocks(
     (narrow_ends, narrow), (wide_ends, wide) = results[0], results[-1]
     np.testing.assert_array_equal(wide_ends, narrow_ends)
     np.testing.assert_array_equal(wide, narrow)
+
+
+def test_a_friction_that_torque_and_power_need_is_computed_once() -> None:
+    """The values are the same to the last bit."""
+    speed, gain = ca.SX.sym("speed"), ca.SX.sym("gain")
+    friction = ca.Function("friction", [speed, gain], [ca.tanh(gain * speed)])
+    torque, again = friction(speed, gain), friction(speed, gain)
+    step = ca.Function("losses", [speed, gain], [torque, again * speed])
+
+    reduced = without_repeats(step)
+
+    codes = [reduced.instruction_id(k) for k in range(reduced.n_instructions())]
+    assert codes.count(ca.OP_TANH) == 1
+    for numbers in [(0.3, 2.0), (-4.0, 0.1), (math.inf, 1.0)]:
+        assert list(map(float, reduced(*numbers))) == list(map(float, step(*numbers)))
 
 
 def test_the_same_step_is_compiled_once() -> None:
