@@ -17,11 +17,11 @@ from identification.errors import (
     RunFileError,
     WrongUnit,
 )
+from identification.ingest.absent import missing_columns
 from identification.ingest.columns import (
     Column,
     duplicate_columns,
     example,
-    missing_columns,
     scaled_example,
     unknown_unit,
 )

@@ -3,7 +3,7 @@
 The first matching form is used:
 
     time_s                         canonical name, case-insensitive
-    rpm, volts                     a unit alone, of at least two characters
+    rpm, volts, [s], in s          a unit alone, of at least two characters
     speed [rpm], Strom (mA)        a unit in brackets
     speed in rpm; speed, rpm       a unit after ``in`` or a comma
     motor_speed_rpm, tempDegC      a unit suffix
@@ -117,10 +117,10 @@ def read_header(text: str) -> HeaderText:
     if channel is not None:
         quantity = frozenset({CHANNEL_QUANTITIES[channel]})
         return HeaderText(quantity, canonical_unit(channel).name, channel)
-    whole = find_unit(text)
+    whole = find_unit(unbracketed(text).removeprefix("in "))
     # A single letter is as often a name as a unit: V, A, s, t, i.  Those need a mapping.
     if whole is not None and len(text) > 1 and whole.quantity != "duty":
-        return HeaderText(frozenset({whole.quantity}), text)
+        return HeaderText(frozenset({whole.quantity}), whole.name)
     for form in (_in_brackets, _after_word, _as_suffix, _after_slash):
         found = form(text)
         if found is not None:
@@ -168,7 +168,8 @@ _COUNTERS = frozenset("sample samples index idx row tick ticks step".split())
 
 def is_setpoint(text: str) -> bool:
     """Return True for setpoints and limits, so that no message suggests to fit a command."""
-    words = _words(text[:LONGEST_CELL])
+    name = (_cut_at_brackets(" ".join(text[:LONGEST_CELL].split())) or ("",))[0] or text
+    words = _words(name[:LONGEST_CELL])
     return bool(_SETPOINT_WORDS.intersection(words)) or any(w.startswith("set") for w in words)
 
 

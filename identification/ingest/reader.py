@@ -104,7 +104,8 @@ def blank_cell(channel: Channel, row: int) -> MissingValue:
     """Error for a blank cell of a channel that must not have any."""
     return MissingValue(
         f"the cell is blank; expected a number in {channel.unit.name} (only a temperature that is "
-        "logged at a lower rate may have blank cells); fill the cell, or cut the run there",
+        "logged at a lower rate may have blank cells); fill the cell, cut the run there, or export "
+        "all channels at the same times",
         row=row,
         column=channel.column.label,
     )

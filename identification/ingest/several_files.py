@@ -18,10 +18,11 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.errors import DuplicateColumn, InputError, MissingColumn
+from identification.errors import DuplicateColumn, InputError, MissingColumn, RunFileError
 from identification.ingest.channels import Channel, assign_channels
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
+from identification.ingest.faults import collected, refuse_all
 from identification.ingest.file import Limits, RunFile, naming, open_run_file
 from identification.ingest.formats.clocks import Signal, SignalTable, joined
 from identification.ingest.mapping import ChannelMapping, read_mapping
@@ -56,12 +57,12 @@ def join_files(
 
     Raises:
         RunFileError: A file cannot be read, a channel is given twice, or the signals together are
-            no run.
+            no run; what is missing in any file is reported at once.
         InputError: There is one file, or the files differ in duration.
     """
     clock = read_mapping(mapping, name).channels.get("time_s")
-    reader = _Files(paths, clock, limits or Limits())
     others = {key: entry for key, entry in (mapping or {}).items() if key != "time_s"}
+    reader = _Files(paths, clock, read_mapping(others, name).channels, limits or Limits())
     return read_run(paths[0], name=name, mapping=others, limits=limits, readers=[reader])
 
 
@@ -83,6 +84,7 @@ class _Files:
 
     paths: Sequence[Path]
     clock: ChannelMapping | None
+    others: Mapping[str, ChannelMapping]
     limits: Limits
 
     def recognises(self, name: str, head: bytes) -> bool:
@@ -92,12 +94,14 @@ class _Files:
     def open(self, file: RunFile) -> SignalTable:
         """Read all files."""
         contents = []
+        errors: list[RunFileError] = []
         for path in self.paths:
             shown = plain(path.name, 200)
-            with naming(shown), open_run_file(path, shown, self.limits) as one:
-                contents.append(_content(one, self.clock))
-        _refuse_repeated(contents)
-        _refuse_unlike(contents)
+            with collected(errors), naming(shown), open_run_file(path, shown, self.limits) as one:
+                contents.append(_content(one, self.clock, errors))
+        if not errors:
+            _refuse_repeated(contents)
+            _refuse_unlike(contents)
         warnings = tuple(itertools.chain.from_iterable(c.warnings for c in contents))
         names = [content.file for content in contents]
         groups = {
@@ -105,37 +109,54 @@ class _Files:
             for number, (name, content) in enumerate(zip(names, contents, strict=True), 1)
         }
         table = joined(groups, file.name, warnings)
+        if errors:
+            if table is not None and len(contents) == len(self.paths):
+                with collected(errors), naming(file.name):
+                    assign_channels(table.columns, self.others)
+            # An entry of the time applies to each file, so that one error is for all.
+            refuse_all(list({error.message: error for error in reversed(errors)}.values())[::-1])
         if table is None:
             raise InputError("one file has nothing to be joined with; give those of all channels")
         return table
 
 
-def _content(file: RunFile, clock: ChannelMapping | None) -> _Content:
-    """Read the time and the signals of a file."""
+def _content(file: RunFile, clock: ChannelMapping | None, errors: list[RunFileError]) -> _Content:
+    """Read the time and the signals of a file; without a time, the names of its signals."""
     table = closest_table(opened(file, READERS))
-    time = _time_of(table.columns, clock)
-    columns = [c for c in table.columns if c is not time.column and "time" not in c.quantities]
+    times: list[Channel] = []
+    with collected(errors), naming(file.name):
+        times.append(_time_of(table.columns, clock))
+    used = [time.column for time in times]
+    columns = [c for c in table.columns if c not in used and "time" not in c.quantities]
     # The columns of an oscilloscope without a unit are its settings, such as Start and Increment.
-    columns = [c for c in columns if c.unit_texts] or [
-        c for c in columns if c.texts and not any(map(is_sample_number, c.texts))
-    ]
+    columns = (
+        [c for c in columns if c.unit_texts]
+        or [c for c in columns if c.texts and not any(map(is_sample_number, c.texts))]
+        or columns
+    )
     if not columns:
         raise MissingColumn("the file has no column of a signal; expected a time and a signal")
+    if not times:
+        named = tuple(_signal(column, file, np.empty(0), np.empty(0)) for column in columns)
+        return _Content(file.name, file.sha256(), np.empty(0), named, ())
+    (time,) = times
     values = [Channel(f"signal {c.index}", c, c.unit or canonical_unit("duty")) for c in columns]
     samples = table.read([*requested({"time_s": time}), *values])
     locator = SourceLocator(file.name, {"time_s": time.column.label}, samples.row)
     read, _ = supplied(samples, {"time_s": time}, locator)
     seconds = time.unit.factor * (read.cells["time_s"] * time.scale + time.offset)
-    signals = tuple(
-        Signal(
-            (channel.column.title if channel.column.texts else Path(file.name).stem,),
-            next(iter(channel.column.unit_texts), ""),
-            partial(np.asarray, seconds),
-            partial(np.asarray, samples.cells[channel.name]),
-        )
-        for channel in values
-    )
+    signals = tuple(_signal(v.column, file, seconds, samples.cells[v.name]) for v in values)
     return _Content(file.name, file.sha256(), seconds, signals, samples.warnings)
+
+
+def _signal(column: Column, file: RunFile, time: Array, cells: Array) -> Signal:
+    return Signal(
+        (column.title if column.texts else Path(file.name).stem,),
+        next(iter(column.unit_texts), ""),
+        partial(np.asarray, time),
+        partial(np.asarray, cells),
+        column.attenuation,
+    )
 
 
 def _time_of(columns: Sequence[Column], clock: ChannelMapping | None) -> Channel:

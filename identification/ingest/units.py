@@ -72,7 +72,7 @@ class Unit:
 _TURN = 2.0 * math.pi
 
 UNITS = (
-    Unit("s", "time", words="sec secs second seconds"),
+    Unit("s", "time", symbols="S", words="sec secs second seconds"),
     Unit("ms", "time", 1e-3, words="msec millisecond milliseconds"),
     Unit("us", "time", 1e-6, symbols="µs", words="usec microsecond microseconds"),
     Unit("ns", "time", 1e-9, words="nanosecond nanoseconds"),

@@ -14,6 +14,7 @@ import httpx
 import pytest
 
 from tests.app.service import Caller, Server, make_key, run_text, serving
+from tests.ingest.scopes import SIDES, beside
 
 PART = {"HX-Request": "true"}
 COLUMNS = {
@@ -73,6 +74,21 @@ def page(server: Server) -> Iterator[Page]:
     """Start page of a workspace without runs."""
     with Page(server, f"pending-{secrets.token_hex(8)}") as opened:
         yield opened
+
+
+def test_menus_offer_the_samples_of_a_file_and_no_settings_beside_them(
+    page: Page, tmp_path: Path
+) -> None:
+    """A file of Tektronix TDS for one channel: its time is found, and CH1 is in the menus."""
+    file = beside(tmp_path / "F0000CH1.CSV", 1, next(iter(SIDES.values())), ",")
+
+    page.drop(file.read_bytes(), file.name)
+
+    shown = page.shown()
+    assert re.search(r"<option[^>]*>CH1</option>", shown)
+    assert "motorid join" in shown
+    assert "column 2" not in shown
+    assert "Record Length" not in shown
 
 
 def test_dropped_file_is_shown_and_becomes_a_run_when_confirmed(page: Page) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from app.cli import main
 from tests.app.service import Caller, run_text
+from tests.ingest.scopes import SIDES, beside
 
 
 def test_preview_is_what_the_command_prints(
@@ -43,6 +44,18 @@ def test_unreadable_file_is_an_answer_with_its_error(alice: Caller) -> None:
     (error,) = content["errors"]
     assert error["file"] == "note.txt"
     assert error["code"]
+
+
+def test_settings_beside_the_samples_are_no_columns(alice: Caller, tmp_path: Path) -> None:
+    """A file of Tektronix TDS has one channel, and the error names the command to join several."""
+    content = beside(tmp_path / "F0000CH1.CSV", 1, next(iter(SIDES.values())), ",").read_bytes()
+
+    answer = alice.http.post("/runs/preview", files={"file": ("F0000CH1.CSV", content)})
+
+    (error,) = answer.json()["errors"]
+    assert error["code"] == "missing_column"
+    assert "voltage_V may be 'CH1'" in error["message"]
+    assert "motorid join" in error["message"]
 
 
 def test_preview_applies_the_mapping(alice: Caller) -> None:

@@ -355,7 +355,7 @@ BROKEN_DEVICES = (
         lambda p: p.write_text(BROKEN_LVM),
         errors.UnsupportedContent,
         "the channels have different clocks (delta_x '0.001', '0.1')",
-        "let LabVIEW write TDMS",
+        "write TDMS",
     ),
 )
 

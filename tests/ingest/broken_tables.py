@@ -66,6 +66,19 @@ def oscilloscope(channels: int) -> bytes:
     return b"\n".join([header, b",".join([b"second", *channels * [b"Volt"]]), rest])
 
 
+def beside_samples() -> bytes:
+    """One channel of Tektronix, with settings left of the samples."""
+    left = ["Record Length,40,", "Source,CH1,", "Vertical Units,V,", "Horizontal Units,s,"]
+    lines = [f"{one},{k},{k % 3}," for k, one in enumerate(left + [",,"] * 36)]
+    return "\n".join([*lines, ""]).encode()
+
+
+def numbered_channels(header: str, first: int = 0) -> bytes:
+    """Three signals under a header, and the number of each sample."""
+    lines = [f"{first + k},{k % 3}.5,{k % 2}.5,{k % 5}.5" for k in range(40)]
+    return "\n".join([header, *lines, ""]).encode()
+
+
 TIME = record()["time_s"]
 HEADER = ",".join(CANONICAL).encode()
 
@@ -131,6 +144,38 @@ BROKEN_TABLES = (
         oscilloscope(2),
         errors.MissingColumn,
         'record 1 more, .*"speed_rad_s": {"column": "HEADER TEXT"',
+    ),
+    Refusal(
+        "settings beside one channel",
+        beside_samples(),
+        errors.MissingColumn,
+        "voltage_V may be 'CH1'; .*`motorid join FILE FILE FILE",
+    ),
+    Refusal(
+        "numbered channels without units",
+        numbered_channels("Sample,Channel 1,Channel 2,Channel 3"),
+        errors.MissingColumn,
+        r"'Channel 1', 'Channel 2', 'Channel 3' without a unit have no name.*'Sample' times.*"
+        '"time_s": {"column": "Sample", "scale": "SECONDS_PER_SAMPLE"}, '
+        '"voltage_V": {"column": "Channel 1", "scale": "V_PER_V"}',
+    ),
+    Refusal(
+        "names with a path",
+        numbered_channels("time [s],Drive.U[V],Drive.I[A],Drive.n[1/min]"),
+        errors.MissingColumn,
+        r"speed_rad_s may be 'Drive.n\[1/min\]'; the file has [^;]*; name them in the header, or",
+    ),
+    Refusal(
+        "ticks of Windows as a time",
+        numbered_channels("time [ms],u [V],i [A],n [rpm]", 134_000_000_000_000_000),
+        errors.AmbiguousUnit,
+        "may be time_s, but has no unit",
+    ),
+    Refusal(
+        "values without times",
+        b"#CLOCK=1.00mS\n" + b"11.9,\n12.1,\n" * 20,
+        errors.NoTable,
+        "most lines have a single number; export the time",
     ),
     Refusal(
         "a set point only",

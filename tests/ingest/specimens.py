@@ -11,6 +11,7 @@ import scipy.sparse
 from tests.ingest.devices import CLOCKS, DEVICES
 from tests.ingest.matlab_logs import OBJECTS
 from tests.ingest.samples import write
+from tests.ingest.scopes import SCOPES
 from tests.ingest.writers import (
     CANONICAL_SHEET,
     CHANNELS,
@@ -259,6 +260,6 @@ HDF5 = (
 )
 
 SPECIMENS = (
-    *(*DEVICES, *CLOCKS, *MATLAB, *OBJECTS, *HDF5),
+    *(*DEVICES, *SCOPES, *CLOCKS, *MATLAB, *OBJECTS, *HDF5),
     *(*WORKBOOKS, *COLUMNAR, *COMPRESSED, *MEASUREMENTS),
 )

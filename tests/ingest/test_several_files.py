@@ -11,6 +11,9 @@ from app.commands.arguments import mapping_of
 from identification.errors import InputError
 from identification.ingest import Run
 from identification.ingest.several_files import join_files
+from tests.ingest.samples import channels
+from tests.ingest.scopes import SIDES, beside
+from tests.ingest.writers import RECORD
 
 TIME = 1e-3 * np.arange(400)
 VOLTAGE = 12.0 * np.sign(np.sin(40.0 * TIME))
@@ -48,7 +51,7 @@ def joined(files: list[Path], *settings: str) -> Run:
 @pytest.mark.parametrize("form", ["tektronix", "rigol", "lecroy"])
 def test_files_of_an_oscilloscope_are_one_run(tmp_path: Path, form: str) -> None:
     """The samples are those of the files, times the gains of the probes."""
-    titles = {"tektronix": "CH{}", "rigol": "C{}", "lecroy": "C{}.csv/Ampl"}[form]
+    titles = {"tektronix": "CH{}", "rigol": "CH{}", "lecroy": "C{}.csv/Ampl"}[form]
     settings = [one.replace(f"CH{k}", titles.format(k)) for k, one in enumerate(PROBES, 1)]
     settings += ["time_s=Time in s"] if form == "lecroy" else []
 
@@ -59,6 +62,39 @@ def test_files_of_an_oscilloscope_are_one_run(tmp_path: Path, form: str) -> None
     np.testing.assert_allclose(run.current, CURRENT, rtol=1e-12)
     np.testing.assert_allclose(run.speed, SPEED, rtol=1e-12)
     assert "different_clocks" not in [warning.code for warning in run.warnings]
+
+
+@pytest.mark.parametrize("end", ["", ","])
+@pytest.mark.parametrize("settings", SIDES.values(), ids=SIDES)
+def test_settings_beside_the_samples_are_no_samples(
+    tmp_path: Path, settings: tuple[str, ...], end: str
+) -> None:
+    """A file of Tektronix for each channel; reference: the record, from its first sample on."""
+    files = [beside(tmp_path / f"F{k}.CSV", k, settings, end) for k in (1, 2, 3)]
+    title = "CH{}" if "Source" in "".join(settings) else "F{}"
+
+    run = joined(
+        files,
+        *(f"{name}={title.format(k)} in {unit}" for k, (name, unit) in enumerate(
+            (("voltage_V", "V"), ("current_A", "A"), ("speed_rad_s", "rad/s")), 1)),
+    )  # fmt: skip
+
+    for name in ("time_s", "voltage_V", "current_A", "speed_rad_s"):
+        np.testing.assert_array_equal(channels(run)[name], RECORD[name])
+    probes = [w.message for w in run.warnings if w.code == "probe_attenuation"]
+    assert len(probes) == (3 if "CH" in title else 0)
+    assert all("a probe attenuation of 10, by which the device has multiplied" in p for p in probes)
+
+
+def test_all_that_is_missing_is_said_at_once(tmp_path: Path) -> None:
+    """Files of LeCroy have neither a unit of the time nor names or units of the channels."""
+    with pytest.raises(InputError) as caught:
+        joined(oscilloscope(tmp_path, "lecroy"), "voltage_V=C1.csv/Ampl")
+
+    messages = [caught.value.message, *(one.message for one in caught.value.further)]
+    assert len(messages) == 2
+    assert "may be time_s, but has no unit" in messages[0]
+    assert "'C2.csv/Ampl', 'C3.csv/Ampl' without a unit have no name of a channel" in messages[1]
 
 
 def test_channels_with_clocks_of_their_own_follow_the_voltage(tmp_path: Path) -> None:

@@ -45,6 +45,8 @@ class Signal:
     """Function that returns its sample times, (n_sample,) [s]."""
     load: Callable[[], ArrayLike]
     """Function that returns its samples, (n_sample,)."""
+    attenuation: float = 1.0
+    """Probe attenuation that the samples contain [-]."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ class SignalTable:
             # A name with its group, as in "fast/speed", serves a mapping and is not parsed.
             column = describe_column(index, signal.names[-1:], [signal.unit])
             texts = tuple(dict.fromkeys(signal.names))
-            columns.append(dataclasses.replace(column, texts=texts))
+            columns.append(dataclasses.replace(column, texts=texts, attenuation=signal.attenuation))
         return columns
 
     def read(self, channels: Sequence[Channel]) -> Samples:

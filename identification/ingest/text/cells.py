@@ -44,7 +44,8 @@ def split_cells(line: str, delimiter: str, *, units_in_brackets: bool = False) -
     """Split one line without its end into cells, stripped of surrounding blanks.
 
     A space as delimiter stands for one or more blanks and tabs; ``speed [rpm]`` stays together on
-    request.  A line with unbalanced quotation marks is a single cell.
+    request.  A line with unbalanced quotation marks is a single cell; within a cell, as in
+    ``"Drive".speed``, they are part of it.
     """
     if delimiter == " ":
         words = _WORDS_WITH_UNITS if units_in_brackets else _WORDS_AND_QUOTES
@@ -54,7 +55,7 @@ def split_cells(line: str, delimiter: str, *, units_in_brackets: bool = False) -
     try:
         row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True, strict=True))
     except (csv.Error, StopIteration):
-        return [line]
+        return [line] if line.count('"') % 2 else [c.strip() for c in line.split(delimiter)]
     return [cell.strip() for cell in row]
 
 

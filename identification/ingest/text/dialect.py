@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identification.errors import EmptyFile, FileTooLarge, NoRows, NoTable, NotANumber, RunFileError
 from identification.ingest.display import listed, quoted
@@ -25,7 +25,8 @@ from identification.ingest.text.header import HeaderRows, Line, Preamble, is_key
 
 __all__ = ["COMMENT_MARKS", "Layout", "detect_layout"]
 
-COMMENT_MARKS = ("#", "%", "//")
+# TwinCAT ends a file with EOF.
+COMMENT_MARKS = ("#", "%", "//", "EOF")
 
 _PREVIEW_LINES = 1000
 # Limit of the search for a header in a text without samples.
@@ -53,6 +54,8 @@ class Layout:
     """Lines of a device above the header."""
     sample: tuple[str, ...] = ()
     """Cells of the first sample."""
+    first_field: int = 0
+    """Index of the first cell of a sample; the cells left of it are settings."""
 
 
 def detect_layout(block: Block, limits: Limits) -> Layout:
@@ -63,7 +66,10 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
         RunFileError: The block holds no samples, no header or no unambiguous decimal sign.
     """
     lines, comments, forced = _preview(block)
-    found = _best_delimiter(lines, (forced,) if forced else _DELIMITERS)
+    delimiters = (forced,) if forced else _DELIMITERS
+    if (beside := _beside_settings(lines, delimiters)) is not None:
+        return beside
+    found = _best_delimiter(lines, delimiters)
     if found is None:
         raise _no_samples(lines, comments)
     delimiter, fields, at = found
@@ -75,8 +81,9 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
             value=fields,
         )
     _refuse_unclear_commas(lines[at:], delimiter, fields)
-    preamble = read_preamble(lines[:at], delimiter)
-    above = [line for line in lines[:at] if not is_keyed(line, delimiter)]
+    cells = [split_cells(line.text, delimiter) for line in lines[:at]]
+    preamble = read_preamble(cells)
+    above = [line for line, one in zip(lines, cells, strict=False) if not is_keyed(one)]
     rows = HeaderRows(delimiter, fields, lines[at]).above(above, comments, preamble.names())
     return Layout(
         delimiter,
@@ -87,6 +94,28 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
         preamble,
         tuple(split_cells(lines[at].text, delimiter)),
     )
+
+
+def _beside_settings(lines: list[Line], delimiters: tuple[str, ...]) -> Layout | None:
+    """Layout of samples from the first line on, with the settings of a device left of the first.
+
+    Oscilloscopes of Tektronix (TDS, TBS) write keys and values in the lines of the first samples;
+    in the lines below, the same cells are blank.
+    """
+    for delimiter in delimiters if lines else ():
+        rows = [split_cells(line.text, delimiter) for line in lines]
+        blank = Counter(next((k for k, cell in enumerate(c) if cell), 0) for c in rows)
+        start, count = blank.most_common(1)[0]
+        first = rows[0]
+        samples = [cell for cell in first[start:] if cell]
+        is_sample = len(samples) > 1 and all(map(is_number, samples))
+        if start < 2 or 2 * count < len(rows) or not is_sample or is_number(first[0] or "0"):
+            continue
+        preamble = read_preamble([cells[:start] for cells in rows if cells[0]])
+        header, number = (("",) * (len(first) - start),), lines[0].number
+        layout = Layout(delimiter, len(first), header, number, number, preamble, tuple(first))
+        return replace(layout, first_field=start)
+    return None
 
 
 def _preview(block: Block) -> tuple[list[Line], list[Line], str | None]:
@@ -194,6 +223,12 @@ def _no_samples(lines: list[Line], comments: list[Line]) -> RunFileError:
                     "expected one line for each sample",
                     row=line.number,
                 )
+    if lines and sum(is_number(line.text.strip(" \t,;")) for line in lines) * 2 > len(lines):
+        return NoTable(
+            "no line with numbers in columns, and most lines have a single number; export the "
+            "time of each sample beside its value, or all channels as columns of one table",
+            row=lines[0].number,
+        )
     return NoTable(
         f"no line with numbers in columns among the first {_PREVIEW_LINES} lines; expected a "
         "header and one line for each sample, separated by comma, semicolon, tab or blank",

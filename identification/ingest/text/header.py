@@ -8,8 +8,11 @@ The preamble gives names, units and the sample clock of the columns:
 
     LabVIEW (LVM)   Y_Unit_Label, X0, Delta_X, X_Columns, Samples
     Yokogawa        TraceName, VUnit, HUnit, HOffset, HResolution, BlockSize
-    Tektronix       Label, Vertical Units, Horizontal Units
-    Rigol           Sequence, below the columns Start and Increment
+    Tektronix       Label, Vertical Units, Horizontal Units, Sample Interval, Probe Attenuation;
+                    beside the samples also Source and Probe Atten
+    Keysight        XUnits, YUnits
+    Rigol           Sequence, below the columns Start and Increment; t0 = and tInc = in the header
+    TwinCAT         Name beside each name; the other lines have their key before each value, too
 
 The first cell of such a line is its key; the others stand above the columns that they describe.
 """
@@ -19,7 +22,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from identification.errors import HeaderTooLong, NotANumber, RaggedRow, UnsupportedContent
 from identification.ingest.columns import Column, describe_column
@@ -35,16 +38,24 @@ _WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
 _FRACTION = re.compile(r"0\d+", re.ASCII)
 
 _NAMES = ("tracename", "label")
-_UNITS = ("y_unit_label", "vunit", "vertical units")
-_TIME_UNIT = ("hunit", "horizontal units")
+_UNITS = ("y_unit_label", "vunit", "vertical units", "yunits")
+_TIME_UNIT = ("hunit", "horizontal units", "xunits")
 _START = ("x0", "hoffset")
 _STEP = ("delta_x", "hresolution")
 _COLUMNS = "x_columns"
 _SEQUENCE = "sequence"
 _COUNT = ("samples", "blocksize")
+_SOURCE = "source"
+_INTERVAL = "sample interval"
+_PROBE = ("probe atten", "probe attenuation")
+_FURTHER = (*_COUNT, _SOURCE, _INTERVAL, *_PROBE)
+"""Keys of lines that may also be header rows."""
 KEYS = frozenset((*_NAMES, *_UNITS, *_TIME_UNIT, *_START, *_STEP, _COLUMNS, _SEQUENCE))
 
 _LABVIEW_TIME = "x_value"
+_PAIRED = "sampletime[ms]"
+# Columns and cells of a header that give the clock once, and have no cells in the samples.
+_CLOCK = re.compile(r"|comment|start|increment|(?P<key>t0|tinc) *= *(?P<number>\S+)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -117,10 +128,9 @@ class HeaderRows:
             cells = split_cells(line.text, delimiter, units_in_brackets=True)
             if len(cells) == self._fields:
                 return cells
-            # LabVIEW ends its header with a column Comment that the samples may lack.
-            extra = cells[-1].casefold() if len(cells) == self._fields + 1 else None
-            if extra in ("", "comment"):
-                return cells[:-1]
+            # LabVIEW ends its header with a column Comment, Rigol with the clock.
+            if len(cells) > self._fields and all(map(_CLOCK.fullmatch, cells[self._fields :])):
+                return cells[: self._fields]
             if len(cells) == self._fields - 1 and not self._sample_cells[-1]:
                 return [*cells, ""]
         return None
@@ -178,7 +188,13 @@ class Preamble:
         An implied time becomes an additional column behind the others.
         """
         self._refuse_different_clocks()
-        described = [self._described(column, len(columns)) for column in columns]
+        # Without a cell for the keys in the samples, the first name is that of the first column.
+        is_short = len(self.names()) == len(columns) + 1 and not any(c.texts for c in columns)
+        shifted = [replace(c, index=c.index + is_short) for c in columns]
+        described = [
+            replace(self._described(other, len(columns)), index=column.index)
+            for column, other in zip(columns, shifted, strict=True)
+        ]
         if self.clock is not None and not any("time" in c.quantities for c in described):
             unit = next((self._cell(key, 1) for key in _TIME_UNIT if key in self.lines), "s")
             described.append(describe_column(len(described), ["time"], [unit]))
@@ -205,13 +221,13 @@ class Preamble:
         return max((int(cell) for cell in cells if cell.isascii() and cell.isdigit()), default=0)
 
     def _refuse_different_clocks(self) -> None:
-        """Reject channels of LabVIEW with different starts or intervals in one table."""
-        for key in (*_START[:1], *_STEP[:1]):
+        """Reject channels with different starts or intervals in one table."""
+        for key in (*_START[:1], *_STEP[:1], _PAIRED):
             values = {cell for cell in self.lines.get(key, [])[1:] if cell}
             if len(values) > 1:
                 raise UnsupportedContent(
-                    f"the channels have different clocks ({key} {listed(sorted(values), 6)}); let "
-                    "LabVIEW write TDMS, whose channels keep their own clocks, or resample them",
+                    f"the channels have different clocks ({key} {listed(sorted(values), 6)}); "
+                    "write TDMS, whose channels keep their own clocks, or resample them",
                     value=key,
                 )
 
@@ -223,21 +239,31 @@ class Preamble:
             is_first = self.clock is None and column.index == 0
             names, units = (["time"], ["s"]) if is_first else ([], [])
             return describe_column(column.index, names, units)
-        names = [self._cell(key, column.index) for key in _NAMES if key in self.lines]
+        keys = _NAMES if column.texts or _SOURCE not in self.lines else (*_NAMES, _SOURCE)
+        names = [self._cell(key, column.index) for key in keys if key in self.lines]
         units = [self._unit(key, column.index, count) for key in _UNITS if key in self.lines]
-        if "time" in column.quantities and column.index == 0:
-            names, units = [], [self._cell(key, 1) for key in _TIME_UNIT if key in self.lines][:1]
+        time_unit = [self._cell(key, 1) for key in _TIME_UNIT if key in self.lines][:1]
+        time_unit = time_unit or [self._cell(_INTERVAL, 2)]
+        if column.index == 0 and "time" in column.quantities:
+            names, units = [], time_unit
+        elif column.index == 0 and not column.texts and any(time_unit) and self.clock is None:
+            # Without a header, the first column is that of the horizontal axis.
+            names, units = ["time"], time_unit
         if not any((*names, *units)):
             return column
         # The label of a channel is its title, ahead of CH1.
-        return describe_column(column.index, [*names, *column.texts], [*units, *column.unit_texts])
+        found = describe_column(column.index, [*names, *column.texts], [*units, *column.unit_texts])
+        probe = next((self._cell(key, column.index) for key in _PROBE if key in self.lines), "")
+        quantities = found.quantities or column.quantities
+        return replace(found, quantities=quantities, attenuation=_positive(probe))
 
     def _unit(self, key: str, index: int, count: int) -> str:
         """Unit of a column; each channel of X_Columns Multi has a column of times in front."""
         filled = [cell for cell in self.lines[key][1:] if cell]
         if self._cell(_COLUMNS, 1).casefold() == "multi" and len(filled) == count // 2:
             return filled[(index - 1) // 2] if index % 2 else ""
-        return self._cell(key, index)
+        # Siglent writes the units of all channels in one cell, and again below their names.
+        return "" if ":" in self._cell(key, index) else self._cell(key, index)
 
     def _cell(self, key: str, index: int) -> str:
         cells = self.lines.get(key, [])
@@ -250,17 +276,24 @@ class Preamble:
         return float(number) if number is not None else math.nan
 
 
-def read_preamble(lines: Sequence[Line], delimiter: str) -> Preamble:
-    """Collect the lines with known keys."""
+def read_preamble(rows: Sequence[list[str]]) -> Preamble:
+    """Collect the lines with known keys, given the cells of each line."""
     found: dict[str, list[str]] = {}
     above: list[str] = []
-    for line in lines:
-        cells = split_cells(line.text, delimiter)
-        # A count is no reason to take a line for no header row: columns have such names too.
-        if is_keyed(line, delimiter) or _key(cells) in _COUNT:
-            found[_key(cells)] = cells
-            if _key(cells) == _SEQUENCE and above:
+    for cells in rows:
+        key = _key(cells)
+        if _is_paired(cells) and key == "name":
+            found[_NAMES[0]] = [cell if k % 2 else "" for k, cell in enumerate(cells)]
+        elif _is_paired(cells) and key == _PAIRED:
+            found |= {_PAIRED: ["", *cells[1::2]], _TIME_UNIT[0]: ["", "ms"]}
+        elif key in KEYS or key in _FURTHER:
+            found[key] = cells
+            if key == _SEQUENCE and above:
                 found |= _sequence(above, cells)
+        for given in filter(None, map(_CLOCK.fullmatch, cells)):
+            if given["key"]:
+                name = _START[0] if given["key"] in ("t0", "T0") else _STEP[0]
+                found[name] = ["", given["number"]]
         above = [cell.casefold() for cell in cells]
     return Preamble(found)
 
@@ -276,9 +309,22 @@ def _sequence(names: Sequence[str], cells: Sequence[str]) -> dict[str, list[str]
     return found
 
 
-def is_keyed(line: Line, delimiter: str) -> bool:
+def _positive(text: str) -> float:
+    """Positive number, or 1 for any other text."""
+    number = float(number_text(text, ".") or 1.0)
+    return number if 0.0 < number < math.inf else 1.0
+
+
+def is_keyed(cells: Sequence[str]) -> bool:
     """Return True for a line that begins with a known key; it is no header row."""
-    return _key(split_cells(line.text, delimiter)) in KEYS
+    return _key(cells) in KEYS or _is_paired(cells)
+
+
+def _is_paired(cells: Sequence[str]) -> bool:
+    """Return True for a line with one key in front of the value of each channel."""
+    is_repeated = len(cells) > 2 and len(cells) % 2 == 0 and len(set(cells[::2])) == 1
+    # Tables may also have a column of times in front of each channel.
+    return is_repeated and _key(cells) not in ("", _LABVIEW_TIME) and not is_channel_name(cells[0])
 
 
 def _key(cells: Sequence[str]) -> str:

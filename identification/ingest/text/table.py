@@ -21,6 +21,9 @@ from identification.ingest.text.samples import SampleReader
 
 __all__ = ["TextReader", "TextTable", "open_text"]
 
+_LONGEST_COUNT = 16
+"""Digits of a whole number from which a time counts 100 ns since 1601, as in Windows."""
+
 
 class TextReader:
     """Reader of text tables and of all files that no other reader recognises.
@@ -56,7 +59,11 @@ class TextTable:
 
     def __init__(self, layout: Layout, blocks: Iterable[Block], file: str) -> None:
         columns = layout.preamble.columns(read_columns(layout.header))
-        self.columns = [_with_clock(column, layout.sample) for column in columns]
+        at = layout.first_field
+        columns = [dataclasses.replace(column, index=column.index + at) for column in columns]
+        # A delimiter at the end of each line makes a column without name and cells.
+        named = [c for c in columns if c.texts or c.unit_texts or layout.sample[c.index]]
+        self.columns = [_with_clock(column, layout.sample) for column in named]
         self._layout = layout
         self._blocks = blocks
         self._file = file
@@ -92,6 +99,15 @@ class TextTable:
                 "a loss of power or an interrupted copy; the samples that are there are read"
             )
             warnings.append(RunWarning(code="incomplete_file", message=text, file=self._file))
+        for column in (c.column for c in channels if c.column.attenuation != 1.0):
+            text = (
+                f"the file states a probe attenuation of {column.attenuation:g}, by which the "
+                "device has multiplied the cells; the scale of a mapping must not include it"
+            )
+            label = column.label
+            warnings.append(
+                RunWarning(code="probe_attenuation", message=text, file=self._file, column=label)
+            )
         found = reader.samples()
         clock = self._layout.preamble.clock
         for channel in channels:
@@ -104,6 +120,9 @@ class TextTable:
 def _with_clock(column: Column, sample: Sequence[str]) -> Column:
     """The column in seconds if it is a time and its cells are times of day."""
     cell = sample[column.index] if column.index < len(sample) else ""
+    if "time" in column.quantities and cell.isdigit() and len(cell) > _LONGEST_COUNT:
+        # Ticks of a calendar are in no unit of the table, whatever the header says.
+        return dataclasses.replace(column, unit_texts=())
     if "time" not in column.quantities or not is_time_of_day(cell):
         return column
     return dataclasses.replace(column, quantities=frozenset({"time"}), unit_texts=("s",))

@@ -1,0 +1,181 @@
+"""Error for channels without a column: the columns that resemble them, and mappings to copy."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from identification.errors import Example, MissingColumn, NoHeader, RunFileError
+from identification.ingest.columns import Column, example, scaled_example, similar_columns
+from identification.ingest.display import listed, quoted
+from identification.ingest.mapping import ROW
+from identification.ingest.names import is_sample_number, is_setpoint, similar_to
+from identification.ingest.units import canonical_unit
+
+__all__ = ["missing_columns"]
+
+_GAINS = {"voltage_V": "V_PER_V", "current_A": "A_PER_V", "speed_rad_s": "RAD_S_PER_V"}
+"""Gains that stand in examples for those of probes and sensors, which give volts."""
+
+_MEASURED = frozenset(_GAINS)
+
+_NUMBER = re.compile(r".*\d(?:v|\.\w+/.*)?|(?:channel|kanal) [a-h]", re.IGNORECASE)
+"""Names of numbered channels, or with a numbered file in front, such as ``C1.csv/Ampl``."""
+
+
+def missing_columns(
+    names: list[str], free: list[Column], columns: Sequence[Column], found: Mapping[str, str]
+) -> RunFileError:
+    """One error for all channels without a column, each with its similar columns.
+
+    Args:
+        names: The channels.
+        free: Columns that the user's mapping does not use.
+        columns: All columns of the file.
+        found: Titles of the columns of the other channels.
+    """
+    if not any(column.texts for column in columns):
+        return _without_header(names, len(columns))
+    if unnamed := _unnamed(free, names):
+        return _unnamed_columns(names, unnamed, free, found)
+    similar = {name: similar_columns(name, free) for name in names}
+    nearest = "".join(
+        f"; {name} may be {listed(column.title for column in near)}"
+        for name, near in similar.items()
+        if near
+    )
+    examples: list[Example] = [
+        {
+            channel: entry
+            for name in names
+            for channel, entry in example(name, next(iter(similar[name]), None)).items()
+        }
+    ]
+    hint, derived = _derivations(names, free)
+    if similar.get("voltage_V") == [] and not any("voltage_V" in each for each in derived):
+        hint += " (a voltage that was constant during the whole run is a number)"
+        derived.append({"voltage_V": {"value": "VOLTS"}})
+    signals = [column for column in free if "time" not in column.quantities]
+    lacking = [name for name in names if name in _MEASURED and not similar[name]]
+    if 1 in (len(_numbered(free)), len(signals)) and lacking:
+        hint += (
+            "; join the files of a device that writes one for each channel with `motorid join FILE "
+            "FILE FILE --out run.csv`"
+        )
+    is_needed = similar.get("current_A") == [] and "speed_rad_s" not in names
+    needed = _NO_CURRENT if is_needed else ""
+    absent = ", ".join(name for name in names if not similar[name])
+    remedy = f"log {absent}, which no column resembles" if absent else "name them in the header"
+    return MissingColumn(
+        f"no column for {', '.join(names)}{nearest}{needed}; the file has "
+        f"{listed(column.title for column in columns)}; {remedy}{hint}",
+        column=names[0],
+        examples=[*examples, *derived],
+    )
+
+
+_NO_CURRENT = (
+    " (without a current, voltage and speed determine only the gain and the time constant "
+    "between them, not Ra25, Kt25, J and b)"
+)
+
+
+def _derivations(names: Sequence[str], free: Sequence[Column]) -> tuple[str, list[Example]]:
+    """Hint and examples of mappings that derive missing channels from other columns."""
+    hint = ""
+    examples: list[Example] = []
+    counters = [c for c in free if any(map(is_sample_number, c.texts))] if "time_s" in names else []
+    if counters:
+        hint += f" (the time may be {quoted(counters[0].title)} times the sampling interval)"
+        examples.append(scaled_example("time_s", counters[0], "SECONDS_PER_SAMPLE"))
+    elif "time_s" in names:
+        hint += " (samples at a fixed rate have the time row / rate)"
+        examples.append({"time_s": {"column": ROW, "scale": "SECONDS_PER_SAMPLE"}})
+    duties = [c for c in free if _may_be_duty(c)] if "voltage_V" in names else []
+    if duties:
+        hint += (
+            f" (the voltage may be {quoted(duties[0].title)} times a column of the bus voltage, "
+            "or, where that is constant, times a scale)"
+        )
+        examples.append(scaled_example("voltage_V", duties[0], "VOLT_PER_DUTY"))
+    angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
+    if angles:
+        hint += (
+            " (the speed may be derived from an angle or encoder count, "
+            f"{quoted(angles[0].title)} mapped to position_rad)"
+        )
+        examples.append(scaled_example("position_rad", angles[0], "RAD_PER_COUNT"))
+    return hint, examples
+
+
+def _without_header(names: Sequence[str], count: int) -> RunFileError:
+    """Error for the missing channels of a file whose columns have numbers alone."""
+    units = {name: canonical_unit(name).name for name in names}
+    entries = {name: {"column": "column NUMBER", "unit": unit} for name, unit in units.items()}
+    return NoHeader(
+        f"no column for {', '.join(names)}: the samples have no header that names their {count} "
+        f"columns, which are 'column 1' to 'column {count}'; write a header such as "
+        "time_s,voltage_V,current_A,speed_rad_s above them",
+        examples=[entries],
+    )
+
+
+def _unnamed(columns: Sequence[Column], names: Sequence[str]) -> list[Column]:
+    """Columns without the name of a channel, as an oscilloscope or a logger writes them.
+
+    Empty if fewer than two could be the missing channels.
+    """
+    found = _numbered(columns)
+    return found if min(len(found), len(_MEASURED.intersection(names))) > 1 else []
+
+
+def _numbered(columns: Sequence[Column]) -> list[Column]:
+    """Columns in volts, or without a unit and with a number in the name, such as CH1."""
+    return [
+        column
+        for column in columns
+        if not column.quantities
+        and not any(map(is_setpoint, column.texts))
+        and (
+            column.unit.quantity == "voltage"
+            if column.unit is not None
+            else not column.unit_texts and any(map(_NUMBER.fullmatch, column.texts))
+        )
+    ]
+
+
+def _unnamed_columns(
+    names: Sequence[str],
+    unnamed: Sequence[Column],
+    columns: Sequence[Column],
+    found: Mapping[str, str],
+) -> RunFileError:
+    """Error for the missing channels of a file of an oscilloscope.
+
+    The examples take the columns in their order; the user knows the order and the gains.
+    """
+    entries: dict[str, object] = {}
+    free = iter(unnamed)
+    hint, derived = _derivations([name for name in names if name == "time_s"], columns)
+    for name in names:
+        column = next(free, None) if name in _GAINS else None
+        gain = _GAINS.get(name)
+        one = scaled_example(name, column, gain) if column and gain else example(name, column)
+        entries |= derived[0] if name == "time_s" else one
+    known = "".join(f"{name} is {quoted(title)}; " for name, title in found.items())
+    lacking = sum(name in _GAINS for name in names) - len(unnamed)
+    more = f"; record {lacking} more, as the file has too few" if lacking > 0 else ""
+    unit = "".join(f" in {text}" for text in unnamed[0].unit_texts[:1]) or " without a unit"
+    probes = [f"{c.title} (by {c.attenuation:g})" for c in unnamed if c.attenuation != 1.0]
+    more += f"; the probe attenuation is in the cells of {', '.join(probes)}" if probes else ""
+    return MissingColumn(
+        f"no column for {', '.join(names)}; {known}{listed(c.title for c in unnamed)}{unit} have "
+        f"no name of a channel{more}; the file does not say which is which, nor the gain of a "
+        f"sensor: write names and units in the header{hint}",
+        column=names[0],
+        examples=[entries],
+    )
+
+
+def _may_be_duty(column: Column) -> bool:
+    return "duty" in column.quantities or any(similar_to(text, "duty") for text in column.texts)
