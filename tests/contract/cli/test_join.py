@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +57,28 @@ def test_file_of_one_channel_names_the_command_that_joins_them(
     assert main(["join", *map(str, channels), "--out", str(tmp_path / "run.csv")]) == 2
 
     assert "`motorid join FILE FILE FILE --out run.csv`" in refusal
-    assert "--map 'voltage_V=CH1" in capsys.readouterr().err
+    words = "--map 'voltage_V=CH1 [V] * V_PER_V' --map 'current_A=CH2 [V] * A_PER_V' --map 'speed_"
+    command = f"motorid join {' '.join(map(str, channels))} --out {tmp_path / 'run.csv'} {words}"
+    assert command in capsys.readouterr().err
     assert not (tmp_path / "run.csv").exists()
+
+
+def test_command_of_the_refusal_writes_the_run(
+    channels: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The words of the message, with numbers in place of the capitals, also of what was given."""
+    for path in channels:
+        path.write_text(path.read_text().replace("TIME [s]", "TIME"))
+    out = tmp_path / "run.csv"
+    given = ["join", *map(str, channels), "--out", str(out), "--map", "voltage_V=CH1 [V]"]
+
+    assert main(given) == 2
+    (message,) = capsys.readouterr().err.splitlines()
+    words = shlex.split("motorid join" + message.split("motorid join")[-1])
+    filled = [re.sub("[A-Z_]+_PER_V", "10", word) for word in words[1:]]
+
+    assert main(filled) == 0
+    assert read_run(out).rows > 0
 
 
 def test_no_channel_is_overwritten(channels: list[Path], tmp_path: Path) -> None:
