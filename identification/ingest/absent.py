@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from identification.errors import Example, MissingColumn, NoHeader, RunFileError
 from identification.ingest.columns import Column, example, scaled_example, similar_columns
-from identification.ingest.display import listed, quoted
+from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import ROW
 from identification.ingest.names import is_sample_number, is_setpoint, similar_to
 from identification.ingest.units import canonical_unit
@@ -159,8 +159,7 @@ def _unnamed_columns(
     hint, derived = _derivations([name for name in names if name == "time_s"], columns)
     for name in names:
         column = next(free, None) if name in _GAINS else None
-        gain = _GAINS.get(name)
-        one = scaled_example(name, column, gain) if column and gain else example(name, column)
+        one = _with_gain(name, column) if column else example(name, None)
         entries |= derived[0] if name == "time_s" else one
     known = "".join(f"{name} is {quoted(title)}; " for name, title in found.items())
     lacking = sum(name in _GAINS for name in names) - len(unnamed)
@@ -175,6 +174,15 @@ def _unnamed_columns(
         column=names[0],
         examples=[entries],
     )
+
+
+def _with_gain(name: str, column: Column) -> Example:
+    """Mapping of a channel to a column with a gain per unit of its cells, such as A_PER_mV."""
+    unit = column.unit.name if column.unit else "V"
+    if name != "voltage_V":
+        return scaled_example(name, column, _GAINS[name].removesuffix("V") + unit)
+    stated = {} if unit == "V" else {"unit": unit}
+    return {name: {"column": plain(column.title, 80), "scale": _GAINS[name], **stated}}
 
 
 def _may_be_duty(column: Column) -> bool:

@@ -42,7 +42,8 @@ def check_time(time: Array, locator: SourceLocator) -> None:
     if now == before:
         message = (
             f"the time {now:.9g} s is repeated ({wrong.size} such samples); "
-            "log the time with more digits or remove the repeated rows"
+            "log the time with more digits, map it to row / RATE if the rate is fixed, or remove "
+            "the repeated rows"
         )
         raise locator.error(RepeatedTime, message, "time_s", sample, now)
     message = (

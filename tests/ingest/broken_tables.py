@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import errors
+from tests.ingest.devices import REPEATED_LVM
 from tests.ingest.samples import CANONICAL, Dialect, record, renamed, with_cell, with_line, write
 
 
@@ -175,7 +176,28 @@ BROKEN_TABLES = (
         "values without times",
         b"#CLOCK=1.00mS\n" + b"11.9,\n12.1,\n" * 20,
         errors.NoTable,
-        "most lines have a single number; export the time",
+        "most lines have a single number: export the time",
+    ),
+    Refusal(
+        "a header in each segment",
+        REPEATED_LVM.encode(),
+        errors.UnsupportedContent,
+        "a second header within the samples, at 'X_Columns'; let the device write one header",
+        row=67,
+    ),
+    Refusal(
+        "values with labels",
+        b"".join(b"U:%d.5,I:0.5,n:%d.5\n" % (k % 12, k) for k in range(20)),
+        errors.NoTable,
+        "the numbers stand within other text: write them alone, and names above them",
+    ),
+    Refusal(
+        "an oscilloscope in mV",
+        oscilloscope(3).replace(b"Volt", b"mV"),
+        errors.MissingColumn,
+        '"voltage_V": {"column": "1", "scale": "V_PER_V", "unit": "mV"}, '
+        '"current_A": {"column": "2", "scale": "A_PER_mV"}, '
+        '"speed_rad_s": {"column": "3", "scale": "RAD_S_PER_mV"}',
     ),
     Refusal(
         "a set point only",

@@ -132,6 +132,7 @@ BROKEN_VALUES = (
         "temperature_degC",
     ),
     Refusal("infinity", with_cell("speed_rad_s", 3, "-inf"), errors.NotFinite, "'-inf'", 5),
+    Refusal("PicoScope's overflow", with_cell("speed_rad_s", 3, "∞"), errors.NotFinite, "'∞'", 5),
     Refusal("Excel's error", with_cell("speed_rad_s", 3, "#N/A"), errors.NotFinite, "'#N/A'", 5),
     Refusal("Visual C's NaN", with_cell("speed_rad_s", 3, "1.#QNAN"), errors.NotFinite, "QNAN", 5),
     Refusal("overflow", with_cell("speed_rad_s", 3, "1e999"), errors.NotFinite, "'1e999'", 5),

@@ -6,7 +6,19 @@ from collections.abc import Sequence
 
 from tests.ingest.writers import RECORD, Specimen, rows
 
-__all__ = ["BROKEN_LVM", "CLOCKS", "DEVICES", "stamped"]
+__all__ = [
+    "BROKEN_LVM",
+    "CHANNELS",
+    "CLOCKS",
+    "DEVICES",
+    "DEVICE_UNITS",
+    "NAMES",
+    "REPEATED_LVM",
+    "device",
+    "numbered",
+    "stamped",
+    "text",
+]
 
 LVM = (
     "LabVIEW Measurement\t",
@@ -191,4 +203,5 @@ CLOCKS = (
     device("datum.csv", "German dates", stamped("01.03.2026 08:00:00,{}", ";")),
     device("slashes.csv", "dates of unknown order", stamped("03/01/2026 08:00:00.{}")),
 )
+REPEATED_LVM = 2 * lvm("One")
 BROKEN_LVM = lvm("Multi", Delta_X="0.001,0.001,0.001,0.1")

@@ -115,7 +115,6 @@ def test_table_of_broken_files_covers_every_error_that_a_file_can_cause() -> Non
         errors.MappingError,
         # test_formats.py, test_damage.py
         errors.OutOfMemory,
-        errors.UnsupportedContent,
         errors.MissingLibrary,
         errors.AmbiguousTable,
         # test_angle.py

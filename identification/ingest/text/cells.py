@@ -23,7 +23,7 @@ __all__ = [
 _POINT = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(
-    r"[+-]?(?:nan|inf|infinity|1\.#(?:inf|qnan|ind)\d*|#?n/?a!?|nil|null|none|unendlich)",
+    r"[+-]?(?:nan|inf|infinity|1\.#(?:inf|qnan|ind)\d*|#?n/?a!?|nil|null|none|unendlich|∞)",
     re.IGNORECASE,
 )
 _WORDS_AND_QUOTES = re.compile(r'"[^"]*"|\S+')

@@ -31,6 +31,8 @@ COMMENT_MARKS = ("#", "%", "//", "EOF")
 _PREVIEW_LINES = 1000
 # Limit of the search for a header in a text without samples.
 _SEARCHED_CHARACTERS = 100_000
+_NUMBERS = re.compile(r"\d+(?:[.,]\d+)?")
+_SHOWN = 1000
 # Order of preference if two delimiters have the same score.
 _DELIMITERS = ("\t", ";", ",", " ")
 _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -223,14 +225,15 @@ def _no_samples(lines: list[Line], comments: list[Line]) -> RunFileError:
                     "expected one line for each sample",
                     row=line.number,
                 )
-    if lines and sum(is_number(line.text.strip(" \t,;")) for line in lines) * 2 > len(lines):
-        return NoTable(
-            "no line with numbers in columns, and most lines have a single number; export the "
-            "time of each sample beside its value, or all channels as columns of one table",
-            row=lines[0].number,
-        )
+    numbers = sorted(len(_NUMBERS.findall(line.text[:_SHOWN])) for line in lines)
+    typical = numbers[len(numbers) // 2] if numbers else 0
+    hint = {
+        0: "",
+        1: "; most lines have a single number: export the time of each sample beside its value, or "
+        "all channels as columns of one table",
+    }.get(typical, "; the numbers stand within other text: write them alone, and names above them")
     return NoTable(
-        f"no line with numbers in columns among the first {_PREVIEW_LINES} lines; expected a "
+        f"no line with numbers in columns among the first {_PREVIEW_LINES} lines{hint}; expected a "
         "header and one line for each sample, separated by comma, semicolon, tab or blank",
         row=lines[0].number if lines else None,
         value=lines[0].text[:80] if lines else None,

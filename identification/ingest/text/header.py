@@ -30,7 +30,7 @@ from identification.ingest.display import listed, plain, quoted
 from identification.ingest.names import LONGEST_CELL, is_channel_name, is_units_row
 from identification.ingest.text.cells import is_number, number_text, split_cells
 
-__all__ = ["HeaderRows", "Line", "Preamble", "is_keyed", "read_preamble"]
+__all__ = ["KEYS", "HeaderRows", "Line", "Preamble", "is_keyed", "read_preamble"]
 
 _MOST_ROWS = 5
 _WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
@@ -51,6 +51,7 @@ _PROBE = ("probe atten", "probe attenuation")
 _FURTHER = (*_COUNT, _SOURCE, _INTERVAL, *_PROBE)
 """Keys of lines that may also be header rows."""
 KEYS = frozenset((*_NAMES, *_UNITS, *_TIME_UNIT, *_START, *_STEP, _COLUMNS, _SEQUENCE))
+"""Keys, in lower case, of the lines that are no header rows."""
 
 _LABVIEW_TIME = "x_value"
 _PAIRED = "sampletime[ms]"
@@ -322,9 +323,10 @@ def is_keyed(cells: Sequence[str]) -> bool:
 
 def _is_paired(cells: Sequence[str]) -> bool:
     """Return True for a line with one key in front of the value of each channel."""
-    is_repeated = len(cells) > 2 and len(cells) % 2 == 0 and len(set(cells[::2])) == 1
+    if len(cells) < 4 or len(cells) % 2 or len(set(cells[::2])) > 1 or is_number(cells[0]):
+        return False
     # Tables may also have a column of times in front of each channel.
-    return is_repeated and _key(cells) not in ("", _LABVIEW_TIME) and not is_channel_name(cells[0])
+    return _key(cells) not in ("", _LABVIEW_TIME) and not is_channel_name(cells[0])
 
 
 def _key(cells: Sequence[str]) -> str:

@@ -21,6 +21,7 @@ from identification.errors import (
     RaggedRow,
     RunFileError,
     UnclosedQuote,
+    UnsupportedContent,
     WrongUnit,
 )
 from identification.ingest.channels import Channel
@@ -39,6 +40,7 @@ from identification.ingest.text.cells import (
 )
 from identification.ingest.text.dialect import COMMENT_MARKS, Layout
 from identification.ingest.text.fast import read_clean
+from identification.ingest.text.header import KEYS
 
 __all__ = ["SampleReader"]
 
@@ -184,6 +186,7 @@ class SampleReader:
         Return (n_sample,) for each channel, NaN at a blank cell.
 
         Raises:
+            UnsupportedContent: The samples are interrupted by a header.
             RunFileError: The file has too many faults to go on.
         """
         columns = [array("d") for _ in self._channels]
@@ -201,6 +204,13 @@ class SampleReader:
             self._note_blank_above()
             values = self._values(line, cells, number)
             if len(values) < len(columns):
+                if cells[0].casefold() in KEYS:
+                    raise UnsupportedContent(
+                        f"a second header within the samples, at {quoted(cells[0])}; let the "
+                        "device write one header only, or cut the file here",
+                        row=number,
+                        value=cells[0],
+                    )
                 continue
             for column, value in zip(columns, values, strict=True):
                 column.append(value)
