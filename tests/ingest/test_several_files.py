@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,25 @@ def test_settings_beside_the_samples_are_no_samples(
     probes = [w.message for w in run.warnings if w.code == "probe_attenuation"]
     assert len(probes) == (3 if "CH" in title else 0)
     assert all("a probe attenuation of 10, by which the device has multiplied" in p for p in probes)
+    said = "the probe attenuation is in the cells of CH1 (by 10), CH2" if probes else "'F1', 'F2'"
+    with pytest.raises(InputError, match=re.escape(said)):
+        joined(files)
+
+
+def test_damaged_first_sample_is_no_header(tmp_path: Path) -> None:
+    """Settings of Tektronix stand in its line; in a German file with decimal commas."""
+    files = [beside(tmp_path / f"F{k}.CSV", k, SIDES["settings with a source"]) for k in (1, 2, 3)]
+    for file in files:
+        file.write_text(file.read_text().replace(",", ";").replace(".", ","))
+    first, *rest = files[0].read_text().split("\n")
+    settings = ["voltage_V=CH1 * 1", "current_A=CH2 * 1", "speed_rad_s=CH3 * 1"]
+
+    run = joined(files, *settings)
+    files[0].write_text("\n".join([first.rpartition(";")[0] + ";---", *rest]))
+
+    assert sum(w.code == "probe_attenuation" for w in run.warnings) == 3
+    with pytest.raises(InputError, match="F1.CSV, row 1, column CH1: '---' is not a number"):
+        joined(files, *settings)
 
 
 def test_all_that_is_missing_is_said_at_once(tmp_path: Path) -> None:

@@ -109,8 +109,9 @@ def _beside_settings(lines: list[Line], delimiters: tuple[str, ...]) -> Layout |
         blank = Counter(next((k for k, cell in enumerate(c) if cell), 0) for c in rows)
         start, count = blank.most_common(1)[0]
         first = rows[0]
-        samples = [cell for cell in first[start:] if cell]
-        is_sample = len(samples) > 1 and all(map(is_number, samples))
+        below = next(cells for cells in rows if not any(cells[:start]))[start:]
+        is_sample = len([cell for cell in below if is_number(cell)]) > 1
+        is_sample &= any(map(is_number, first[start:]))
         if start < 2 or 2 * count < len(rows) or not is_sample or is_number(first[0] or "0"):
             continue
         preamble = read_preamble([cells[:start] for cells in rows if cells[0]])

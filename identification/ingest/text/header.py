@@ -256,7 +256,9 @@ class Preamble:
         found = describe_column(column.index, [*names, *column.texts], [*units, *column.unit_texts])
         probe = next((self._cell(key, column.index) for key in _PROBE if key in self.lines), "")
         quantities = found.quantities or column.quantities
-        return replace(found, quantities=quantities, attenuation=_positive(probe))
+        factor = _float(probe)
+        factor = factor if 0.0 < factor < math.inf else 1.0
+        return replace(found, quantities=quantities, attenuation=factor)
 
     def _unit(self, key: str, index: int, count: int) -> str:
         """Unit of a column; each channel of X_Columns Multi has a column of times in front."""
@@ -272,9 +274,7 @@ class Preamble:
 
     def _number(self, key: str) -> float:
         """First number of a line; NaN if there is none."""
-        text = self._cell(key, 1)
-        number = number_text(text, "," if "," in text else ".")
-        return float(number) if number is not None else math.nan
+        return _float(self._cell(key, 1))
 
 
 def read_preamble(rows: Sequence[list[str]]) -> Preamble:
@@ -310,10 +310,10 @@ def _sequence(names: Sequence[str], cells: Sequence[str]) -> dict[str, list[str]
     return found
 
 
-def _positive(text: str) -> float:
-    """Positive number, or 1 for any other text."""
-    number = float(number_text(text, ".") or 1.0)
-    return number if 0.0 < number < math.inf else 1.0
+def _float(text: str) -> float:
+    """Number with a decimal point or comma; NaN for any other text."""
+    number = number_text(text, "," if "," in text else ".")
+    return float(number) if number is not None else math.nan
 
 
 def is_keyed(cells: Sequence[str]) -> bool:
