@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import gc
 
+import scipy.linalg  # noqa: F401  a library must be loaded before its threads can be limited
 from hypothesis import HealthCheck, settings
+
+from identification.threads import repeatable_algebra
 
 settings.register_profile("any-load", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any-load")
+
+# One process for each core: threads of linear algebra would only wait for each other.  A fit has
+# this limit in any case; the tests of its parts have it here.
+repeatable_algebra()
 
 
 def pytest_collection_finish() -> None:
