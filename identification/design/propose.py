@@ -31,6 +31,7 @@ from identification.design.profiles import Profile, library
 from identification.design.response import Predictor, Response
 from identification.design.task import Task
 from identification.errors import ComputationError
+from identification.threads import repeatable_algebra
 
 __all__ = ["Candidate", "Designer", "Proposal", "propose"]
 
@@ -157,7 +158,12 @@ def propose(task: Task) -> Proposal:
     Raises:
         ComputationError: No candidate can be simulated within the limits.
     """
-    designer = Designer(task)
+    with repeatable_algebra():
+        return _proposed(Designer(task))
+
+
+def _proposed(designer: Designer) -> Proposal:
+    task = designer.task
     rng = np.random.default_rng(task.seed)
     fast, slow = time_constants(task.models)
     profiles = library(task.duration, max(fast, 3.0 * task.interval), slow, rng)
