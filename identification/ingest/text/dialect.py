@@ -182,6 +182,8 @@ def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str
 
 def _share_of_numbers(cells: list[str]) -> float:
     """Fraction of the filled cells that are numbers; 0 if the line is not a sample."""
+    if len(cells) < 2:
+        return 0.0
     filled = [cell for cell in cells if cell]
     numbers = [cell for cell in filled if is_number(cell) or is_number_word(cell)]
     begins = not any(cells[:1]) or cells[0] in numbers or is_clock(cells[0])
