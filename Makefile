@@ -20,6 +20,8 @@ IMAGE ?= motorid
 unexport PYTHONDONTWRITEBYTECODE
 # Arguments for pytest or for a benchmark, such as ARGS="-k name -x".
 ARGS ?=
+# One process more than cores: tests of the service wait for servers and browsers.
+PROCESSES = $$($(BIN)/python -c 'import os; print(os.cpu_count() + 1)')
 
 # ---------------------------------------------------------------- environment
 
@@ -43,6 +45,7 @@ endif
 endif
 endif
 
+# Without compilation: Python compiles a module when it is first imported, and most never are.
 $(LOCKED): requirements/dev.txt
 	@test -n '$(PYTHON)' || { echo 'motorid: no usable Python found; install Python 3.11, 3.12 or' \
 		'3.13 (on Debian with python3-venv), or give its path: make PYTHON=/path/to/python3' >&2; exit 2; }
@@ -50,7 +53,7 @@ $(LOCKED): requirements/dev.txt
 		'or 3.13 with the venv and ensurepip modules; give another one: make PYTHON=...' >&2; exit 2; }
 	@echo 'Creating $(VENV) with $(PYTHON) from requirements/dev.txt (once; one to two minutes, 2 GB on disk)'
 	@$(PYTHON) -m venv --clear $(VENV)
-	@$(INSTALL) --require-hashes --only-binary :all: --requirement requirements/dev.txt
+	@$(INSTALL) --no-compile --require-hashes --only-binary :all: --requirement requirements/dev.txt
 	@touch $@
 
 $(READY): $(LOCKED) pyproject.toml
@@ -90,8 +93,8 @@ data: $(READY) ## regenerate the campaigns in data/ with the bench simulator
 # ---------------------------------------------------------------- checks
 
 .PHONY: test
-test: lint types imports spelling docstrings ## run all checks, then all tests (one process per core)
-	$(BIN)/python -m pytest --numprocesses logical --dist loadfile $(ARGS)
+test: lint types imports spelling docstrings ## run all checks, then all tests (in parallel)
+	$(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile $(ARGS)
 
 .PHONY: check
 check: lint types imports spelling docstrings docs ## run the static checks and the documentation tests (less than a minute)
@@ -103,7 +106,7 @@ lint: $(READY) ## check style and format with ruff
 
 .PHONY: types
 types: $(READY) ## check types with mypy (strict)
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers auto
 
 .PHONY: imports
 imports: $(READY) ## check the direction of imports with import-linter
