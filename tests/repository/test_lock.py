@@ -6,6 +6,7 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 from importlib.metadata import packages_distributions
 from itertools import product
 from pathlib import Path
@@ -116,6 +117,7 @@ def test_lock_reader_refuses_requirements_without_a_pin() -> None:
         assert PIN.fullmatch(text) is None
 
 
+@cache
 def imported() -> dict[str, list[str]]:
     """Third-party packages that the code imports, with the importing files."""
     found: dict[str, list[str]] = {}
