@@ -92,6 +92,16 @@ class Detection:
     missing: bool
     """Whether any check failed."""
     sentence: str
+    noisier: tuple[Channel, ...] = ()
+    """Channels with more sensor noise in the validation runs: their residual is too large, but
+    white, and that of the training runs is not too large.  A term that the model lacks acts through
+    the time constants of the motor or follows its inputs, and the training runs have it too."""
+
+    def is_noise(self, channel: str, role: str) -> bool:
+        """Whether the residual of a channel may be sensor noise alone."""
+        checks = self.of(channel, role)
+        is_consistent = bool(checks) and all(check.passed for check in checks)
+        return is_consistent or (role == "validation" and channel in self.noisier)
 
     def of(self, channel: str, role: str) -> tuple[ChannelCheck, ...]:
         """The check of a channel in a role; empty if it was not made."""
@@ -115,7 +125,17 @@ def detect(
             reference = None if left is training[k] else training[k]
             checks.append(_check(_CHANNELS[k], role, left, float(floor[k]), reference, level))
     failed = [check for check in checks if not check.passed]
-    return Detection(LEVEL, tuple(checks), bool(failed), _sentence(checks, failed))
+    noisier = tuple(
+        channel
+        for channel, seen, unseen, left in zip(
+            _CHANNELS, checks, checks[len(_CHANNELS) :], roles["validation"], strict=False
+        )
+        if unseen.is_too_large
+        and not seen.is_too_large
+        and left.taps.size == 1
+        and not (unseen.whiteness_p < level or unseen.voltage_outside > 0.0)
+    )
+    return Detection(LEVEL, tuple(checks), bool(failed), _sentence(checks, failed), noisier)
 
 
 def _check(

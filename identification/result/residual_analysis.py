@@ -127,12 +127,17 @@ class ResidualAnalysis:
 
     @cached_property
     def judged(self) -> Outcome | None:
-        """Outcome with the probabilities of its effects given what the final model leaves."""
+        """Outcome with the probabilities of its effects given what the final model leaves.
+
+        A residual that may be noise is no discrepancy, also in validation runs with more noise.
+        """
         if self.outcome is None:
             return None
         runs = self.simulated["after"]
-        error = root_mean_square(runs["validation"] or runs["training"])
-        judged = self.outcome.given(error / np.maximum(NEAR_NOISE * self.noise, 1e-300))
+        role = "validation" if runs["validation"] else "training"
+        ratios = root_mean_square(runs[role]) / np.maximum(NEAR_NOISE * self.noise, 1e-300)
+        is_noise = [self.after is not None and self.after.is_noise(c, role) for c in CHANNELS]
+        judged = self.outcome.given(np.where(is_noise, np.minimum(ratios, 1.0), ratios))
         judged = judged.without_probabilities() if self.missed else judged
         return judged.doubting(heating_effects(self.final)) if self.overheating else judged
 

@@ -36,6 +36,10 @@ _WORSE_FIX: Final = (
     "predict this run with --declared, or add it to the training runs, so that the search can find "
     "the missing effect"
 )
+_NOISIER_FIX: Final = (
+    "the residual is white, as the noise of a sensor that is noisier in these runs; check its "
+    "range, filter and cable"
+)
 _WORSE: Final = 1.05
 """Error ratio above which an increase is reported; both models see the same noise, so it is not
 scatter."""
@@ -83,7 +87,9 @@ def unexplained_channels(analysis: ResidualAnalysis) -> list[ResultWarning]:
                     f"the model does not explain the {channel} on the {role} runs: the residual is "
                     f"{off:.4g} times the sensor noise (limit {checks[0].noise_ratio_limit:.4g})"
                 )
-                warnings.append(ResultWarning(UNEXPLAINED_CHANNEL, "warning", message))
+                is_noisier = role == "validation" and channel in analysis.after.noisier
+                fix = _NOISIER_FIX if is_noisier else ""
+                warnings.append(ResultWarning(UNEXPLAINED_CHANNEL, "warning", message, fix))
     odd = outlying_run_warnings(analysis.simulated["after"]["training"], analysis.noise)
     sentence = analysis.after.sentence.removesuffix(".")
     other = ResultWarning("residual_not_noise", "warning", sentence)

@@ -90,6 +90,27 @@ def test_a_model_that_changed_after_training_fails_on_validation_alone() -> None
     assert not all(check.passed for check in found.checks[2:])
 
 
+@pytest.mark.parametrize("kind", ["white", "coloured"])
+def test_a_noisier_sensor_in_the_validation_runs_is_recognised_by_white_noise(kind: str) -> None:
+    """Its noise is a third larger.  Coloured noise may as well be the error of the model."""
+    runs = noiseless(SERVO, seed=9, runs=5, rows=800)
+
+    found = detected(noisy(runs[:3], "white", 84) + noisy(runs[3:], kind, 85, louder=1.33))
+
+    assert all(found.of(channel, "validation")[0].is_too_large for channel in ("current", "speed"))
+    assert found.noisier == (("current", "speed") if kind == "white" else ())
+
+
+def test_friction_that_only_the_validation_runs_have_is_no_noise() -> None:
+    """Dry friction of a hundredth of the stall torque appears after the training runs."""
+    clean = noisy(cold(10), "white", 86)
+
+    found = detected(clean + rubbed(10, 0.028)[3:])
+
+    assert found.of("speed", "validation")[0].is_too_large
+    assert not found.is_noise("speed", "validation")
+
+
 def test_without_validation_runs_there_are_two_checks() -> None:
     """Without validation runs, only the two training channels are tested."""
     found = detected(noisy(noiseless(SERVO, seed=7, runs=3, rows=500), "white", 82))

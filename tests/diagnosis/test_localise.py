@@ -33,12 +33,12 @@ def noise_of(kind: str, rows: int, rng: np.random.Generator) -> Array:
     return white
 
 
-def noisy(runs: list[Run], kind: str, seed: int) -> list[Run]:
-    """Runs with added noise of `SIZE`."""
+def noisy(runs: list[Run], kind: str, seed: int, louder: float = 1.0) -> list[Run]:
+    """Runs with added noise of `SIZE`, times a factor."""
     rng = np.random.default_rng(seed)
     made = []
     for run in runs:
-        noise = SIZE * noise_of(kind, run.rows, rng)
+        noise = louder * SIZE * noise_of(kind, run.rows, rng)
         made.append(
             dataclasses.replace(
                 run, current=run.current + noise[:, 0], speed=run.speed + noise[:, 1]

@@ -12,6 +12,8 @@ from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.result.residual_analysis import ResidualAnalysis
+from identification.selection.criteria import AcceptanceCriteria
+from identification.selection.outcome import Found, Outcome
 from tests.motors import campaign, motor_named
 
 RUNS = campaign(motor_named("servo 100 W"), seed=4)
@@ -25,6 +27,13 @@ def _of_another_time(run: Run) -> Run:
 def _behind_noise(run: Run, seed: int) -> Run:
     """The run with white noise of three times the standard deviation of the speed."""
     noise = np.random.default_rng(seed).normal(0.0, 3.0 * run.speed.std(), run.rows)
+    return replace(run, speed=run.speed + noise)
+
+
+def _louder(run: Run, seed: int) -> Run:
+    """The run with 1.4 times the noise of the speed, which is 1 % of its standard deviation."""
+    added = np.sqrt(1.4**2 - 1.0) * 0.01 * run.speed.std()
+    noise = np.random.default_rng(seed).normal(0.0, added, run.rows)
     return replace(run, speed=run.speed + noise)
 
 
@@ -50,6 +59,22 @@ def test_white_noise_larger_than_the_speed_is_explained() -> None:
     (first, *_) = analysis.simulated["after"]["training"]
     assert np.std(first.residual[:, 1]) > 0.9 * np.std(first.record.measured[:, 1])
     assert analysis.missed == {}
+
+
+def test_a_noisier_validation_run_does_not_make_a_true_effect_improbable() -> None:
+    """Coulomb friction that the fit knows exactly; the last run has 1.4 times the noise."""
+    split = campaign_of(RUNS[:2], [_louder(run, seed) for seed, run in enumerate(RUNS[2:])])
+    fit = fit_declared(split.training, "zoh")
+    criteria = AcceptanceCriteria(
+        300.0, 15.0, 0.025, 0.025, 0.3, 60.0, False, unknowns=2, tried=400
+    )
+    outcome = Outcome(fit, (Found("coulomb_friction", 0.99, criteria, ()),), ())
+    analysis = ResidualAnalysis(split, fit, fit, outcome, localise(fit))
+
+    assert analysis.after is not None
+    assert analysis.after.of("speed", "validation")[0].noise_ratio > 1.2
+    assert analysis.judged is not None
+    assert analysis.judged.effects[0].probability == 0.99
 
 
 def test_nothing_is_certain_if_the_model_explains_nothing_of_the_speed() -> None:
