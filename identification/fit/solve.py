@@ -136,6 +136,15 @@ class Fit:
         predicted = self.equations.decrement_within(self.position, self.coordinates)
         return self.cost - optimism * predicted <= cost
 
+    def is_off(self, deviations: float) -> bool:
+        """True if the optimum is predicted to be further away than this many standard deviations.
+
+        The decrease is half the square of the distance.  A fit that is only compared with a better
+        model may end that far away.  False if no step can be computed.
+        """
+        predicted = self.equations.decrement_within(self.position, self.coordinates)
+        return bool(np.isfinite(predicted)) and predicted > 0.5 * deviations**2
+
     def light(self) -> Fit:
         """Copy without cached sensitivities, which use most of the memory."""
         # A simulator caches the rows that its loops read; a copy starts with an empty cache.

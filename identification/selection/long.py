@@ -92,6 +92,6 @@ def _confirmed(declared: Fit, found: Outcome, trials: Trials) -> tuple[Fit, tupl
             )
         else:
             current = simpler
-    return with_known_amplitudes(current.fit), tuple(
+    return with_known_amplitudes(trials.final(current)), tuple(
         sorted(kept, key=lambda effect: -effect.criteria.gain)
     )

@@ -295,11 +295,13 @@ class Trials:
         return models
 
     def final(self, current: EvaluatedModel) -> Fit:
-        """Fit of the final model, finished now if the search had left it unfinished."""
-        if _key(current.fit) not in self._unfinished:
-            return current.fit
+        """Fit of the final model, finished now if the search only needed it for a comparison."""
+        fit = current.fit
+        if _key(fit) not in self._unfinished and not fit.is_off(self.policy.bias):
+            return fit
         limits = TerminationLimits(self.policy.steps, budget=Budget())
-        return refined(current.fit, limits, self.policy)
+        fit = self._converged(replace(fit, converged=False), limits)
+        return refined(fit, limits, self.policy)
 
     def finished(self, fit: Fit, limits: TerminationLimits | None = None) -> Fit:
         """Fit at its optimum, with substeps as fine as it needs.

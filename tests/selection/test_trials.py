@@ -10,7 +10,7 @@ import pytest
 from bench import EffectRequest, make_campaign
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.declared import fit_declared
-from identification.fit.solve import Fit, TerminationLimits
+from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.result.early_stop import early_stop_warnings
 from identification.selection import search
 from identification.selection import trials as trials_module
@@ -53,6 +53,27 @@ def test_model_of_a_round_costs_little_and_the_final_one_is_the_same() -> None:
     assert cost_of_capped < 0.7 * cost_of_free
     assert capped.fit.cost >= free.fit.cost
     assert final.cost == pytest.approx(free.fit.cost, rel=1e-3)
+
+
+def test_a_model_that_was_only_compared_is_finished_if_it_becomes_the_final_one() -> None:
+    """Beside a model that is better by 10,000, a fit five standard deviations off is exact enough.
+
+    This happens if the better model has an effect that the validation runs refuse.
+    """
+    measured = make_campaign("servo_150w", [], seed=3, rows=400, training=1, validation=1)
+    campaign = records_of_bench(measured)
+    optimum = fit_declared(campaign.training, "zoh")
+    covariance = optimum.equations.covariance()
+    off = optimum.position + 5.0 * covariance[0] / np.sqrt(covariance[0, 0])
+    limits = TerminationLimits(reference=optimum.cost - 1e4)
+    compared = continued(replace(optimum, position=off), limits)
+    trials = Trials(campaign)
+
+    final = trials.final(trials.evaluate(compared))
+
+    assert compared.converged
+    assert compared.cost > optimum.cost + 10.0
+    assert final.cost == pytest.approx(optimum.cost, abs=0.01)
 
 
 def ripple_of_current(seed: int, amplitude: float, rows: int) -> tuple[float, float]:
