@@ -25,6 +25,11 @@ _WIDTH = 1e-3
 """Width of the smoothed sign over the speed scale.  The smoothing loses about 0.1 % of the friction
 work, less than the standard deviation of a torque estimated from 10,000 samples."""
 
+_SLOWEST: Final = 2.0
+_FASTEST: Final = 100.0
+"""Creep speed over the width of the smoothed sign: a slower one is not distinguishable from the
+smoothing, and a faster one, a tenth of the speed scale, not from viscous friction."""
+
 _SHARPER: Final = 0.1
 """Ratio of the widths of a sharper sign and of this one."""
 
@@ -54,33 +59,49 @@ class CoulombFriction(_Friction):
         tau = -T_c (1 + a sgn w) sgn w                                      [N m]
 
     The sign is smoothed over a small fraction of the speed.  `a` is the asymmetry between the two
-    directions, as in brush gear and preloaded bearings.
+    directions, as in brush gear and preloaded bearings.  Seals and greased contacts creep before
+    they slide: in an extended variant, the speed `creep` in place of the smoothing is estimated,
+    and sgn w is w / sqrt(w^2 + creep^2).
     """
 
     width: float
     """Width of the smoothed sign [rad/s]."""
+    creeps: bool = False
+    """Whether the width of the sign is a parameter, the creep speed."""
 
     name = "coulomb_friction"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"
 
     @property
+    def variant(self) -> str:
+        """The creep, if it is estimated."""
+        return "creeping before it slides" if self.creeps else ""
+
+    @property
+    def richer(self) -> tuple[CoulombFriction, ...]:
+        """The variant with an estimated creep speed."""
+        return () if self.creeps else (replace(self, creeps=True),)
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            amplitude(
-                "torque", "N m", "mean Coulomb friction torque of both directions", self.torque_size
-            ),
-            asymmetry(),
-        )
+        torque = "mean Coulomb friction torque of both directions"
+        own = (amplitude("torque", "N m", torque, self.torque_size), asymmetry())
+        if not self.creeps:
+            return own
+        slowest, fastest = _SLOWEST * self.width, _FASTEST * self.width
+        meaning = "speed at which the friction is 0.71 of that in sliding"
+        return (*own, shape("creep", "rad/s", meaning, slowest, fastest))
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         # Algebraic, so that it costs one square root.
-        sign = signals.speed / ca.sqrt(signals.speed * signals.speed + self.width * self.width)
+        width = values.creep if self.creeps else self.width
+        sign = signals.speed / ca.sqrt(signals.speed * signals.speed + width * width)
         return -values.torque * (1 + values.asymmetry * sign) * sign
 
     @property
     def sharper(self) -> CoulombFriction:
-        """The term with a ten times narrower sign."""
-        return replace(self, width=_SHARPER * self.width)
+        """The term with a ten times narrower sign; unchanged if the width is estimated."""
+        return self if self.creeps else replace(self, width=_SHARPER * self.width)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

@@ -20,7 +20,7 @@ from identification.selection.outcome import Outcome
 from identification.selection.refit import refitted_with, refitted_without
 from identification.selection.score import Score, gathered
 from identification.selection.start import Start
-from identification.selection.steps import State, admissible, rivals_of, settled
+from identification.selection.steps import State, admissible, enrich, rivals_of, settled
 from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
@@ -74,6 +74,27 @@ def test_a_model_that_was_only_compared_is_finished_if_it_becomes_the_final_one(
     assert compared.converged
     assert compared.cost > optimum.cost + 10.0
     assert final.cost == pytest.approx(optimum.cost, abs=0.01)
+
+
+@pytest.mark.parametrize(("law", "is_creeping"), [("soft", True), (None, False)])
+def test_friction_that_creeps_before_it_slides_is_told_from_a_sharp_one(
+    law: str | None, is_creeping: bool
+) -> None:
+    """With a sharp sign only, the creep would be left to other effects."""
+    request = EffectRequest("coulomb_friction", 0.1, law)
+    measured = make_campaign("servo_150w", [request], seed=5, rows=800, training=2, validation=1)
+    campaign = records_of_bench(measured)
+    trials = Trials(campaign)
+    declared = trials.evaluate(fit_declared(campaign.training, "zoh"))
+    scores = [s for s in trials.scores(declared) if s.candidate.term.name == "coulomb_friction"]
+    (model,) = trials.finish_best(declared, trials.refits(declared, scores))
+    state = State(trials, declared, model)
+
+    enrich(state)
+
+    (term,) = effects_of(state.current.fit.simulator.model.terms)
+    assert term.name == "coulomb_friction"
+    assert ("coulomb_friction.creep" in state.current.fit.by_name) is is_creeping
 
 
 def ripple_of_current(seed: int, amplitude: float, rows: int) -> tuple[float, float]:
