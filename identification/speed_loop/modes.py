@@ -29,7 +29,6 @@ differences of the exponential).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from math import factorial
 from typing import Final
 
@@ -63,6 +62,8 @@ class Modes:
     residues: Complex
     """Weights c_1 to c_n of the partial fractions, (n_loop, n_pole); not finite for coincident
     poles."""
+    have_neighbours: Bool
+    """Whether two poles of a loop are too close for partial fractions, (n_loop,)."""
 
     @classmethod
     def of(cls, numerator: Array, poles: Complex) -> Modes:
@@ -80,12 +81,14 @@ class Modes:
             value = value * poles + coefficient[:, None]
         apart = poles[:, :, None] - poles[:, None, :] + np.eye(poles.shape[1])
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return cls(poles, weights, value / apart.prod(axis=2))
+            residues = value / apart.prod(axis=2)
+        return cls(poles, weights, residues, _have_neighbours(poles))
 
     def selected(self, rows: Bool, scale: Array) -> Modes:
         """Sums of the selected loops, each divided by its `scale`, (n_selected,)."""
         share = 1 / scale[:, None]
-        return Modes(self.poles[rows], self.weights[rows] * share, self.residues[rows] * share)
+        weights, residues = self.weights[rows] * share, self.residues[rows] * share
+        return Modes(self.poles[rows], weights, residues, self.have_neighbours[rows])
 
     def tail(self, count: int) -> Modes:
         """(D - p_1) ... (D - p_count) x, over the slowest exponential left, so that it lasts."""
@@ -93,7 +96,9 @@ class Modes:
         removed = poles[:, None] - self.poles[:, :count, None]
         residues = self.residues[:, count:] * removed.prod(axis=1)
         slowest = poles.real.max(axis=1, keepdims=True)
-        return Modes(poles - slowest, self.weights[:, count:], residues)
+        # Of the shifted poles one is zero, so that no gap would be small relative to them.
+        near = _have_neighbours(poles)
+        return Modes(poles - slowest, self.weights[:, count:], residues, near)
 
     def at(self, time: Array, loop: Index) -> Array:
         """Values of the sums at times [s], which are real if complex poles are paired.
@@ -111,7 +116,7 @@ class Modes:
                 for pole, residue in zip(self.poles.T, self.residues.T, strict=True)
             ]
             total = np.asarray(sum(parts[1:], parts[0]))
-        nearby = np.broadcast_to(self._have_neighbours[loop], total.shape)
+        nearby = np.broadcast_to(self.have_neighbours[loop], total.shape)
         if nearby.any():
             rows = np.broadcast_to(loop, total.shape)[nearby]
             times = np.broadcast_to(time, total.shape)[nearby]
@@ -122,13 +127,13 @@ class Modes:
             )
         return total
 
-    @cached_property
-    def _have_neighbours(self) -> Bool:
-        """Whether two poles of a loop are too close for partial fractions, (n_loop,)."""
-        gaps = np.abs(self.poles[:, :, None] - self.poles[:, None, :])
-        size = np.maximum(np.abs(self.poles)[:, :, None], np.abs(self.poles)[:, None, :])
-        apart = (gaps > _APART * size) | np.eye(self.poles.shape[1], dtype=bool)
-        return np.asarray(~apart.all(axis=(1, 2)))
+
+def _have_neighbours(poles: Complex) -> Bool:
+    """Whether two poles of a loop are too close for partial fractions, (n_loop,)."""
+    gaps = np.abs(poles[:, :, None] - poles[:, None, :])
+    size = np.maximum(np.abs(poles)[:, :, None], np.abs(poles)[:, None, :])
+    apart = (gaps > _APART * size) | np.eye(poles.shape[1], dtype=bool)
+    return np.asarray(~apart.all(axis=(1, 2)))
 
 
 def bound_at(modes: Modes, time: Array, loop: Index) -> Array:

@@ -147,6 +147,20 @@ def test_triple_pole_solves_its_own_equation() -> None:
     assert step.overshoot[0] == 0
 
 
+@pytest.mark.parametrize("rate", [11.988857219675438, 1.7, 0.3])
+def test_double_pole_with_a_zero_has_the_peak_of_its_closed_form(rate: float) -> None:
+    """With a zero at -rate / 3, y = 1 - (1 - 2 x) exp(-x) for x = rate t, highest at x = 1.5.
+
+    The computed poles differ by rounding, so that partial fractions of them have no digit left.
+    """
+    loop = loop_with([3 * rate, rate**2], [1.0, 2 * rate, rate**2])
+
+    step = step_metrics(StepResponse(loop))
+
+    assert step.peak_time[0] == pytest.approx(1.5 / rate, rel=1e-6)
+    assert step.overshoot[0] == pytest.approx(200 * np.exp(-1.5), rel=1e-9)
+
+
 def test_fast_second_pole_leaves_the_first_order_times() -> None:
     """For exp(-t), rise log 9 and settling log 50; the other pole is nine decades away."""
     step = metrics([0, 1e9], [1, 1e9 + 1, 1e9])
@@ -276,21 +290,24 @@ def test_every_event_satisfies_its_own_definition(loop: Loop) -> None:
     settling, rise = step.settling_time[0], step.rise_time[0]
     after = settling + np.geomspace(1e-6, 20, 500) * settling
     before = np.linspace(0, settling, 4001)
-    tenth = _first_crossing(relative, before, 0.1)
+    rising, settled = relative(before), relative(after)
+    tenth = _first_crossing(relative, before, rising, 0.1)
     assert np.abs(relative(settling) - 1) == pytest.approx(0.02, rel=1e-6)
-    assert (np.abs(relative(after) - 1) <= 0.02 * (1 + 1e-6)).all()
+    assert (np.abs(settled - 1) <= 0.02 * (1 + 1e-6)).all()
     assert tenth is None or relative(tenth + rise) == pytest.approx(0.9, abs=1e-6)
     peak = 1 + step.overshoot[0] / 100
-    assert relative(np.concatenate([before, after])).max() <= peak * (1 + 1e-9)
+    assert max(rising.max(), settled.max()) <= peak * (1 + 1e-9)
     if step.overshoot[0] > 0:
         assert relative(step.peak_time[0]) == pytest.approx(peak, rel=1e-9)
     else:
         assert np.isnan(step.peak_time[0])
 
 
-def _first_crossing(relative: Callable[[Array], Array], grid: Array, share: float) -> float | None:
+def _first_crossing(
+    relative: Callable[[Array], Array], grid: Array, values: Array, share: float
+) -> float | None:
     """First crossing by bisection after a search on a grid; None where the grid is too coarse."""
-    above = np.flatnonzero(relative(grid) >= share)
+    above = np.flatnonzero(values >= share)
     if not above.size or above[0] < 20:
         return None
     low, high = grid[above[0] - 1], grid[above[0]]
