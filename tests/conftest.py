@@ -12,8 +12,8 @@ from identification.threads import repeatable_algebra
 settings.register_profile("any-load", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any-load")
 
-# One process for each core: threads of linear algebra would only wait for each other.  A fit has
-# this limit in any case; the tests of its parts have it here.
+# The processes of a run share the cores: threads of linear algebra would only wait for each other.
+# A fit has this limit in any case; the tests of its parts have it here.
 repeatable_algebra()
 
 
