@@ -86,7 +86,7 @@ class _Lag(AbstractEffect, AbstractTemperature):
         return shape("time_constant", "s", meaning, self.fastest, self.slowest)
 
     def felt(
-        self, before: Expression, signals: Signals, states: Values, values: Values
+        self, body: str, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         """Temperature of the body, with the rises by other terms added without lag [degC]."""
         return before + states.temperature - signals.temperature
@@ -182,11 +182,11 @@ class WindingLag(_Lag):
         )
 
     def felt(
-        self, before: Expression, signals: Signals, states: Values, values: Values
+        self, body: str, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         """Temperature of the body [degC]."""
         if self.direction == _BEHIND:
-            return super().felt(before, signals, states, values)
+            return super().felt(body, before, signals, states, values)
         ahead = before + values.time_constant * signals.temperature_rate
         return ahead + self._error(signals, states, values) if self.size else ahead
 
@@ -250,7 +250,7 @@ class _ScoredError(WindingLag):
         return (*super().parameters, *errors)
 
     def felt(
-        self, before: Expression, signals: Signals, states: Values, values: Values
+        self, body: str, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         return before + self._error(signals, values, values)
 

@@ -42,7 +42,8 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
 
     The basic law is the first equation without P.  One extended variant adds P, the iron loss at
     the speed w_0.  Another one adds the second equation: rise_2 is the fast rise of the winding
-    over a second body.  The winding temperature is then T + rise + rise_2, also in Ra.
+    over a second body.  The winding temperature is then T + rise + rise_2, also in Ra.  In a third
+    one, the magnet has the temperature T + s rise: the heat of the winding reaches it too.
     """
 
     power_size: float
@@ -57,6 +58,8 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     """True if the iron loss is included."""
     bodies: int = 1
     """Number of bodies: one, or two with the winding separate."""
+    warms_magnet: bool = False
+    """True if the magnet has a share of the rise."""
     least: float = 0.0
     """Lower bound of R_th, as the rise at the loss scale [K]."""
 
@@ -66,17 +69,21 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     equation = "thermal"
     drivers = ("current",)
     source = "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
-    bodies_felt = ("winding",)
+
+    @property
+    def bodies_felt(self) -> tuple[str, ...]:
+        """The winding, and the magnet if it has a share of the rise."""
+        return ("winding", "magnet") if self.warms_magnet else ("winding",)
 
     @property
     def variant(self) -> str:
         more = ["iron loss"] * self.is_iron + ["two thermal bodies"] * (self.bodies > 1)
-        return ", ".join(more)
+        return ", ".join(more + ["warm magnet"] * self.warms_magnet)
 
     @property
     def richer(self) -> tuple[SelfHeating, ...]:
-        """Extended variants: a second body, or the iron loss."""
-        forms = []
+        """Extended variants: a warm magnet, a second body, or the iron loss."""
+        forms = [] if self.warms_magnet else [replace(self, warms_magnet=True)]
         if self.bodies == 1:
             forms.append(replace(self, bodies=2))
         if not self.is_iron and self.speed_size > 0.0:
@@ -105,6 +112,13 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
                 resistance("resistance_2", "thermal resistance between winding and second body"),
                 shape("quickness", "-", _RATIO, 5e-3, 0.5),
             ]
+        if self.warms_magnet:
+            found.append(
+                Parameter(
+                    "magnet_share", "-", "rise of the magnet over that of the winding", scale=1.0,
+                    lower=0.0, upper=1.0, prior_mean=0.5, prior_sd=1.0,
+                )
+            )  # fmt: skip
         return tuple(found)
 
     def flaw(self, values: Mapping[str, float]) -> str:
@@ -120,9 +134,10 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
         )
 
     def felt(
-        self, before: Expression, signals: Signals, states: Values, values: Values
+        self, body: str, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        return before + self._rise(states)
+        share = values.magnet_share if body == "magnet" else 1
+        return before + share * (states.rise if body == "magnet" else self._rise(states))
 
     def _rise(self, states: Values) -> Expression:
         return states.rise + states.rise_2 if self.bodies > 1 else states.rise

@@ -278,5 +278,5 @@ def _temperatures(
     for term, s, v in parts:
         if isinstance(term, AbstractTemperature):
             for body in term.bodies_felt:
-                felt[body] = term.felt(felt[body], signals, s, v)
+                felt[body] = term.felt(body, felt[body], signals, s, v)
     return felt["winding"], felt["magnet"]

@@ -209,7 +209,7 @@ class AbstractTemperature(AbstractTerm):
 
     @abstractmethod
     def felt(
-        self, before: Expression, signals: Signals, states: Values, values: Values
+        self, body: str, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
         """Effective temperature of the body, given the one without this term [degC]."""
 

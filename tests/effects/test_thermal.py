@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from identification.effects.lag import WindingLag
 from identification.effects.thermal import SelfHeating
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.ingest.run import Run
 from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
-from tests.motors import campaign, motor_named
+from identification.selection.steps import State, enrich
+from identification.selection.trials import Trials
+from tests.motors import Motor, campaign, drive, motor_named, run_of, simulated
 
 Array = NDArray[np.float64]
 
@@ -33,3 +41,43 @@ def test_a_winding_that_lags_is_heated_by_its_losses_all_the_same() -> None:
 
     np.testing.assert_allclose(both, current(lags, heats), rtol=1e-6, atol=1e-6)
     assert np.abs(both - current(lags)).max() > 0.01 * np.abs(both).max()
+
+
+def warming(motor: Motor, share: float, surroundings: float, seed: int, rows: int = 1500) -> Run:
+    """Run whose losses heat the winding, and the magnet by a share of it, with 1 % of noise.
+
+    The logged temperature is that of the surroundings [degC].
+    """
+    rng = np.random.default_rng(seed)
+    voltage, logged = drive(motor, "steps", rows, rng), np.full(rows, surroundings)
+    resistance, per_kelvin = motor.values[:2]
+    rise = np.zeros(rows)
+    for _ in range(6):
+        winding, magnet = logged + rise, logged + share * rise
+        read = simulated(motor.vector, motor.interval, voltage, winding, np.zeros(2), magnet=magnet)
+        loss = resistance * (1.0 + per_kelvin * (winding - 25.0)) * read[:, 0] ** 2
+        for k in range(rows - 1):
+            rise[k + 1] = rise[k] + (0.9 * loss[k] - rise[k]) / (0.3 * rows)
+    read = read + 0.01 * read.std(axis=0) * rng.standard_normal(read.shape)
+    run = run_of(motor, voltage, logged, np.zeros(2), name=f"run{seed}.csv")
+    return dataclasses.replace(run, current=read[:, 0], speed=read[:, 1])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.8])
+def test_a_magnet_that_the_winding_heats_is_told_from_a_cool_one(share: float) -> None:
+    """With a cool magnet in the model, Kt25 would be that of a warmer one, several percent off."""
+    motor = motor_named("ferrite 50 W")
+    runs = [warming(motor, share, 25.0 + 30.0 * k, seed=k) for k in range(3)]
+    split = campaign_of(runs, ())
+    trials = Trials(split)
+    declared = trials.evaluate(fit_declared(split.training, "zoh"))
+    score = next(s for s in trials.scores(declared) if s.candidate.term.name == "self_heating")
+    (model,) = trials.finish_best(declared, trials.refits(declared, [score]))
+    state = State(trials, declared, model)
+
+    enrich(state)
+
+    found = state.current.fit.by_name
+    assert found["Kt25"] == pytest.approx(motor.values[2], rel=0.01)
+    assert ("self_heating.magnet_share" in found) is (share > 0.0)
+    assert found.get("self_heating.magnet_share", 0.0) == pytest.approx(share, abs=0.1)
