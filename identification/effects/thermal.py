@@ -116,7 +116,7 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
             found.append(
                 Parameter(
                     "magnet_share", "-", "rise of the magnet over that of the winding", scale=1.0,
-                    lower=0.0, upper=1.0, prior_mean=0.5, prior_sd=1.0,
+                    lower=0.0, upper=1.0, prior_sd=1.0,
                 )
             )  # fmt: skip
         return tuple(found)

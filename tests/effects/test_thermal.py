@@ -8,15 +8,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from identification.effects.effect import effects_of
 from identification.effects.lag import WindingLag
 from identification.effects.thermal import SelfHeating
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.solve import TerminationLimits
 from identification.ingest.run import Run
 from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
+from identification.selection.evidence import EvaluatedModel
+from identification.selection.refit import refitted_as
 from identification.selection.steps import State, enrich
 from identification.selection.trials import Trials
 from tests.motors import Motor, campaign, drive, motor_named, run_of, simulated
@@ -63,9 +67,8 @@ def warming(motor: Motor, share: float, surroundings: float, seed: int, rows: in
     return dataclasses.replace(run, current=read[:, 0], speed=read[:, 1])
 
 
-@pytest.mark.parametrize("share", [0.0, 0.8])
-def test_a_magnet_that_the_winding_heats_is_told_from_a_cool_one(share: float) -> None:
-    """With a cool magnet in the model, Kt25 would be that of a warmer one, several percent off."""
+def heated(share: float) -> tuple[Trials, EvaluatedModel, EvaluatedModel]:
+    """Three runs of a motor with such a magnet, its nominal model and that with self-heating."""
     motor = motor_named("ferrite 50 W")
     runs = [warming(motor, share, 25.0 + 30.0 * k, seed=k) for k in range(3)]
     split = campaign_of(runs, ())
@@ -73,11 +76,29 @@ def test_a_magnet_that_the_winding_heats_is_told_from_a_cool_one(share: float) -
     declared = trials.evaluate(fit_declared(split.training, "zoh"))
     score = next(s for s in trials.scores(declared) if s.candidate.term.name == "self_heating")
     (model,) = trials.finish_best(declared, trials.refits(declared, [score]))
+    return trials, declared, model
+
+
+@pytest.mark.parametrize("share", [0.0, 0.8])
+def test_a_magnet_that_the_winding_heats_is_told_from_a_cool_one(share: float) -> None:
+    """With a cool magnet in the model, Kt25 would be that of a warmer one, several percent off."""
+    trials, declared, model = heated(share)
     state = State(trials, declared, model)
 
     enrich(state)
 
     found = state.current.fit.by_name
-    assert found["Kt25"] == pytest.approx(motor.values[2], rel=0.01)
+    assert found["Kt25"] == pytest.approx(motor_named("ferrite 50 W").values[2], rel=0.01)
     assert ("self_heating.magnet_share" in found) is (share > 0.0)
     assert found.get("self_heating.magnet_share", 0.0) == pytest.approx(share, abs=0.1)
+
+
+def test_the_fit_of_a_warm_magnet_starts_from_a_cool_one() -> None:
+    """On a long record, a fit that starts far above the cost of the cool one is abandoned."""
+    _, _, model = heated(0.8)
+    (term,) = effects_of(model.fit.simulator.model.terms)
+    warm = next(form for form in term.richer if form.variant == "warm magnet")
+
+    start = refitted_as(model.fit, warm, TerminationLimits(0))
+
+    assert start.cost == pytest.approx(model.fit.cost, abs=1.0)
