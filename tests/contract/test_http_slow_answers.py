@@ -100,6 +100,21 @@ def test_motor_typed_while_a_file_is_read_is_that_of_the_file(
     assert page.get_by_label("Motor of new10.csv").input_value() == "drive"
 
 
+def test_plots_that_load_while_their_file_is_added_are_given_up(page: Page, tmp_path: Path) -> None:
+    """The file is a run then, and the browser would report that its samples are missing."""
+    reported: list[str] = []
+    page.on("console", lambda message: reported.append(message.text))
+    with Held(page, "**/samples", method="GET") as loads:
+        drop(page, tmp_path, 11)
+        loads.wait()
+        page.click("text=Add 1 run")
+        page.locator("#runs", has_text="new11.csv").wait_for()
+        loads.release()
+        page.wait_for_timeout(500)
+
+    assert reported == []
+
+
 def test_two_roles_chosen_one_after_the_other_both_count(page: Page) -> None:
     """The answer to the first choice does not take back the second one."""
     chosen = {"run1.csv": "", "run2.csv": "validation", "run3.csv": "training"}

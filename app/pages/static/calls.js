@@ -14,6 +14,7 @@ let isLost = false;
 export function promptly(address, options) {
   const limit = new AbortController();
   setTimeout(() => limit.abort(), LONGEST_CALL_MS);
+  options?.signal?.addEventListener("abort", () => limit.abort());
   return fetch(address, { ...options, signal: limit.signal });
 }
 

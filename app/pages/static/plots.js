@@ -29,9 +29,19 @@ function options(label, width, key) {
   };
 }
 
+const loads = new Set();
+
 async function draw(place) {
   place.dataset.drawn = "";
-  const samples = await promptly(place.dataset.samples).then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);
+  const load = new AbortController();
+  loads.add(load);
+  const samples = await promptly(place.dataset.samples, { signal: load.signal })
+    .then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);
+  loads.delete(load);
+  if (load.signal.aborted) {
+    delete place.dataset.drawn;
+    return;
+  }
   place.replaceChildren();
   if (!samples) {
     delete place.dataset.drawn;
@@ -53,6 +63,12 @@ async function draw(place) {
 function drawAll(root) {
   root.querySelectorAll("[data-samples]:not([data-drawn])").forEach(draw);
 }
+
+// A file that is added or discarded has no samples any more.
+document.addEventListener("htmx:beforeRequest", ({ detail }) => {
+  if (detail.elt.matches("#pending-confirm, #pending [hx-delete]")) loads.forEach((load) => load.abort());
+});
+for (const refusal of ["htmx:responseError", "htmx:sendError"]) document.addEventListener(refusal, () => drawAll(document));
 
 drawAll(document);
 document.addEventListener("htmx:load", (event) => drawAll(event.detail.elt));
