@@ -20,8 +20,6 @@ IMAGE ?= motorid
 unexport PYTHONDONTWRITEBYTECODE
 # Arguments for pytest or for a benchmark, such as ARGS="-k name -x".
 ARGS ?=
-# One process more than cores: tests of the service wait for servers and browsers.
-PROCESSES = $$($(BIN)/python -c 'import os; print(os.cpu_count() + 1)')
 
 # ---------------------------------------------------------------- environment
 
@@ -93,8 +91,8 @@ data: $(READY) ## regenerate the campaigns in data/ with the bench simulator
 # ---------------------------------------------------------------- checks
 
 .PHONY: test
-test: lint types imports spelling docstrings ## run all checks, then all tests (in parallel)
-	$(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile $(ARGS)
+test: lint types imports spelling docstrings ## run all checks, then all tests (one process per core)
+	$(BIN)/python -m pytest --numprocesses logical --dist loadfile $(ARGS)
 
 .PHONY: check
 check: lint types imports spelling docstrings docs ## run the static checks and the documentation tests (less than a minute)
