@@ -98,7 +98,7 @@ class Detection:
     the time constants of the motor or follows its inputs, and the training runs have it too."""
 
     def is_noise(self, channel: str, role: str) -> bool:
-        """Whether the residual of a channel may be sensor noise alone."""
+        """True if the residual of a channel may be sensor noise alone."""
         checks = self.of(channel, role)
         is_consistent = bool(checks) and all(check.passed for check in checks)
         return is_consistent or (role == "validation" and channel in self.noisier)

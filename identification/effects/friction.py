@@ -67,7 +67,7 @@ class CoulombFriction(_Friction):
     width: float
     """Width of the smoothed sign [rad/s]."""
     creeps: bool = False
-    """Whether the width of the sign is a parameter, the creep speed."""
+    """True if the width of the sign is a parameter, the creep speed."""
 
     name = "coulomb_friction"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"

@@ -136,8 +136,9 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     def felt(
         self, body: str, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        share = values.magnet_share if body == "magnet" else 1
-        return before + share * (states.rise if body == "magnet" else self._rise(states))
+        if body == "magnet":
+            return before + values.magnet_share * states.rise
+        return before + self._rise(states)
 
     def _rise(self, states: Values) -> Expression:
         return states.rise + states.rise_2 if self.bodies > 1 else states.rise

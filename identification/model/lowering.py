@@ -319,7 +319,7 @@ def translated(
 
 
 def without_repeats(function: ca.Function) -> ca.Function:
-    """SX function that computes each repeated expression once: a fifth of those of a tangent."""
+    """SX function that computes each repeated expression once; tangents have many."""
     given = function.sx_in()
     return ca.Function(function.name(), given, ca.cse(function.call(given)))
 

@@ -211,7 +211,7 @@ class AbstractTemperature(AbstractTerm):
     def felt(
         self, body: str, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        """Effective temperature of the body, given the one without this term [degC]."""
+        """Effective temperature of one of `bodies_felt`, given that without this term [degC]."""
 
 
 class AbstractSupply(AbstractTerm):

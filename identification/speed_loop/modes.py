@@ -63,7 +63,7 @@ class Modes:
     """Weights c_1 to c_n of the partial fractions, (n_loop, n_pole); not finite for coincident
     poles."""
     have_neighbours: Bool
-    """Whether two poles of a loop are too close for partial fractions, (n_loop,)."""
+    """(n_loop,) true if two poles of a loop are too close for partial fractions."""
 
     @classmethod
     def of(cls, numerator: Array, poles: Complex) -> Modes:
@@ -129,7 +129,7 @@ class Modes:
 
 
 def _have_neighbours(poles: Complex) -> Bool:
-    """Whether two poles of a loop are too close for partial fractions, (n_loop,)."""
+    """(n_loop,) true if two poles of a loop are too close for partial fractions."""
     gaps = np.abs(poles[:, :, None] - poles[:, None, :])
     size = np.maximum(np.abs(poles)[:, :, None], np.abs(poles)[:, None, :])
     apart = (gaps > _APART * size) | np.eye(poles.shape[1], dtype=bool)

@@ -105,6 +105,8 @@ def _beside_settings(lines: list[Line], delimiters: tuple[str, ...]) -> Layout |
     in the lines below, the same cells are blank.
     """
     for delimiter in delimiters if lines else ():
+        if split_cells(lines[-1].text, delimiter)[0]:
+            continue
         rows = [split_cells(line.text, delimiter) for line in lines]
         blank = Counter(next((k for k, cell in enumerate(c) if cell), 0) for c in rows)
         start, count = blank.most_common(1)[0]
