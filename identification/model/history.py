@@ -119,16 +119,17 @@ def _value_and_slope(
 
 def _looked_up(past: Expression, depth: int, lag: Expression, now: Expression) -> Expression:
     """Hermite interpolation `lag` intervals back in time; `now` if `lag` is not positive."""
-    found = now * (lag <= 0)
+    found = [ca.SX(0)] * 5
     for k in range(depth):
-        y0, y1, s0, s1 = (past[4 * k + j] for j in range(4))
-        at = 1 - (lag - k)
-        cubic = (
-            y0 * (1 + 2 * at) * (1 - at) ** 2
-            + s0 * at * (1 - at) ** 2
-            + y1 * at**2 * (3 - 2 * at)
-            - s1 * at**2 * (1 - at)
-        )
         here = (lag > k) * (lag <= k + 1)
-        found = found + ca.if_else(here, cubic, 0)
-    return found
+        end = [past[4 * k + j] for j in range(4)]
+        found = [old + ca.if_else(here, new, 0) for old, new in zip(found, [*end, k], strict=True)]
+    y0, y1, s0, s1, whole = found
+    at = 1 - (lag - whole)
+    cubic = (
+        y0 * (1 + 2 * at) * (1 - at) ** 2
+        + s0 * at * (1 - at) ** 2
+        + y1 * at**2 * (3 - 2 * at)
+        - s1 * at**2 * (1 - at)
+    )
+    return ca.if_else(lag > 0, cubic, now)

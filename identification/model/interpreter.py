@@ -18,6 +18,7 @@ from typing import Final
 import casadi as ca
 import numpy as np
 
+from identification.model.instructions import translated
 from identification.model.lowering import (
     BINARY,
     LANES,
@@ -25,7 +26,6 @@ from identification.model.lowering import (
     Operations,
     Value,
     block_type,
-    translated,
 )
 from identification.model.machine import Loaded, compiled
 

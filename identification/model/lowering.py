@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple
 
 import casadi as ca
 
 from identification.errors import ComputationError
+from identification.model.instructions import translated
 from identification.model.machine import vector_functions, vector_width
 
 __all__ = [
@@ -28,8 +29,6 @@ __all__ = [
     "Translation",
     "Value",
     "block_type",
-    "translated",
-    "without_repeats",
 ]
 
 LANES: Final = 8
@@ -69,10 +68,6 @@ UNARY: Final = (
 
 BINARY: Final = (*_BINARY, *_COMPARE, *_INTRINSIC_2, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
 """Operations of two operands that have a translation."""
-
-
-Result = TypeVar("Result")
-"""Translation of an expression."""
 
 
 def block_type(lanes: int) -> str:
@@ -162,6 +157,16 @@ class Operations:
             bit = emit(f"fcmp {_COMPARE[operation]} {kind} {names[0]}, {names[1]}")
             return emit(f"uitofp {mask} {bit.name} to {kind}")
         return self._rewritten(operation, names, kind, mask, emit, number)
+
+    def choice(self, condition: Value, chosen: Value, otherwise: Value) -> Value:
+        """Append the instructions of one conditional value and return it."""
+        operands = [condition, chosen, otherwise]
+        stage = _stage_of(operands)
+        kind, mask = (_SCALAR, "i1") if stage == "shared" else (self.vector, f"<{self.lanes} x i1>")
+        names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
+        zero = _literal(0.0).name if kind == _SCALAR else self._as_vector(_literal(0.0))
+        bit = self._emit(stage, f"fcmp une {kind} {names[0]}, {zero}")
+        return self._emit(stage, f"select {mask} {bit.name}, {kind} {names[1]}, {kind} {names[2]}")
 
     def _reciprocal(self, value: Value) -> Value:
         """Reciprocal of a divisor, computed in the divisor's own class.
@@ -274,7 +279,7 @@ class Translation(Operations):
     ) -> None:
         super().__init__(prefix, lanes)
         self._pointer, self._given = pointer, given
-        found = translated(step, _literal, self._input, self.operation)
+        found = translated(step, _literal, self._input, self.operation, self.choice)
         self.carry, self.output = ([self._as_vector(value) for value in each] for each in found)
 
     def _input(self, which: int, row: int) -> Value:
@@ -288,40 +293,6 @@ class Translation(Operations):
         offset = self._emit("constant", f"mul i64 %stride, {row}")
         address = self._emit("constant", f"getelementptr double, ptr %p, i64 {offset.name}")
         return self._emit("constant", f"load {self.vector}, ptr {address.name}, align 8")
-
-
-def translated(
-    function: ca.Function,
-    constant: Callable[[float], Result],
-    given: Callable[[int, int], Result],
-    operation: Callable[[int, list[Result]], Result],
-) -> list[list[Result]]:
-    """Elements of each output of an SX function, from what its operations are translated to.
-
-    An element of an input is given by the indices of input and row.
-    """
-    work: dict[int, Result] = {}
-    results = [[constant(0.0)] * function.size1_out(k) for k in range(function.n_out())]
-    identify, outputs, inputs = (
-        function.instruction_id, function.instruction_output, function.instruction_input,
-    )  # fmt: skip
-    for k in range(function.n_instructions()):
-        code, target = identify(k), outputs(k)
-        if code == ca.OP_CONST:
-            work[target[0]] = constant(function.instruction_constant(k))
-        elif code == ca.OP_INPUT:
-            work[target[0]] = given(*inputs(k))
-        elif code == ca.OP_OUTPUT:
-            results[target[0]][target[1]] = work[inputs(k)[0]]
-        else:
-            work[target[0]] = operation(code, [work[j] for j in inputs(k)])
-    return results
-
-
-def without_repeats(function: ca.Function) -> ca.Function:
-    """SX function that computes each repeated expression once; tangents have many."""
-    given = function.sx_in()
-    return ca.Function(function.name(), given, ca.cse(function.call(given)))
 
 
 def _stage_of(operands: list[Value]) -> str:

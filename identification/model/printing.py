@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import casadi as ca
 
 from identification.model.composite import CHANNELS, INPUTS, MotorModel
-from identification.model.lowering import translated
+from identification.model.instructions import translated
 
 __all__ = ["printed_equations"]
 

@@ -32,9 +32,10 @@ import casadi as ca
 import numpy as np
 
 from identification.arrays import Array
+from identification.model.instructions import without_repeats
 from identification.model.interpreter import Interpreted
 from identification.model.loop import STRIDE, lower
-from identification.model.lowering import LANES, without_repeats
+from identification.model.lowering import LANES
 from identification.model.machine import Level, Loaded, compiled, vector_width
 from identification.threads import threads
 from identification.work import charge, charge_once

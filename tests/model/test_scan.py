@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from identification.errors import ComputationError
 from identification.model import interpreter, scan
+from identification.model.instructions import without_repeats
 from identification.model.loop import lower
-from identification.model.lowering import LANES, without_repeats
+from identification.model.lowering import LANES
 from identification.model.scan import Effort, Scan, scan_of
 
 Array = NDArray[np.float64]
@@ -295,6 +296,25 @@ def test_a_friction_that_torque_and_power_need_is_computed_once() -> None:
     assert codes.count(ca.OP_TANH) == 1
     for numbers in [(0.3, 2.0), (-4.0, 0.1), (math.inf, 1.0)]:
         assert list(map(float, reduced(*numbers))) == list(map(float, step(*numbers)))
+
+
+def test_a_conditional_value_and_its_tangent_are_one_selection_each() -> None:
+    """The loop gives the values of CasADi, in both branches and at their border."""
+    speed, slope = ca.SX.sym("speed"), ca.SX.sym("slope")
+    torque = ca.if_else(speed > 1.0, ca.exp(speed), 3.0 * speed)
+    tangent = ca.jtimes(torque, speed, slope)
+    none = ca.SX.sym("none", 0)
+    carry = ca.vertcat(speed, slope)
+    step = ca.Function("step", [carry, none, none], [ca.vertcat(torque, tangent), tangent])
+
+    text = lower(step, None, LANES)
+
+    assert text.count("= select") == 2
+    starts = np.array([[0.5, 1.0, np.nextafter(1.0, 2.0), 1.5], [1.0, -2.0, 3.0, 0.5]])
+    (ends,), _ = Scan(step)([np.zeros((1, 0))], np.zeros((0, 4)), [starts])
+    for start, end in zip(starts.T, ends.T, strict=True):
+        expected = np.array(step(start, [], [])[0]).ravel()
+        np.testing.assert_allclose(end, expected, rtol=1e-14)
 
 
 def test_the_same_step_is_compiled_once() -> None:
