@@ -16,14 +16,12 @@ from __future__ import annotations
 
 import json
 import os
-import time
-import uuid
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import quote, urlencode
 
+from motorid.calls import Calls
 from motorid.errors import (
     BadKey,
     Busy,
@@ -35,9 +33,9 @@ from motorid.errors import (
     Unreachable,
     WaitedTooLong,
 )
-from motorid.files import Source, opened, replacing
+from motorid.files import Source, replacing
 from motorid.things import Batch, FitState, Run
-from motorid.transport import Transport, content_of
+from motorid.transport import Transport
 from motorid.waiting import Tell, until_ended
 
 __all__ = [
@@ -57,8 +55,6 @@ __all__ = [
 ]
 
 _ROLES = ("training", "validation")
-_MOMENT_S = 0.1
-_PAGE = 100
 _TABLES = {
     ".csv": "text/csv",
     ".json": "application/json",
@@ -87,8 +83,9 @@ class Client:
         patience_s: float = 60.0,
         timeout_s: float = 60.0,
     ) -> None:
-        self._transport = Transport(url, key, patience_s, timeout_s)
-        self.url = self._transport.url
+        transport = Transport(url, key, patience_s, timeout_s)
+        self._calls = Calls(transport)
+        self.url = transport.url
 
     def __enter__(self) -> Self:
         """Return the client."""
@@ -100,7 +97,7 @@ class Client:
 
     def close(self) -> None:
         """Close the connections."""
-        self._transport.close()
+        self._calls.transport.close()
 
     def upload(
         self,
@@ -118,17 +115,10 @@ class Client:
             motor: Name of the motor.
             mapping: Assignment of columns to channels, if the header does not give it.
         """
-        called, open_source = opened(source, name)
         fields = {} if motor is None else {"motor": motor}
         if mapping is not None:
             fields["mapping"] = mapping if isinstance(mapping, str) else json.dumps(mapping)
-
-        @contextmanager
-        def form() -> Iterator[dict[str, Any]]:
-            with open_source() as file:
-                yield {"files": {"file": (called, file)}, "data": fields}
-
-        return Run.of(content_of(self._transport.call("POST", "/runs", content=form)))
+        return Run.of(self._calls.upload("/runs", source, name, fields))
 
     def fit(
         self,
@@ -157,7 +147,7 @@ class Client:
             "options": dict(options or {}),
             "motor": motor,
         }
-        return FitState.of(self._begin("/fits", body, idempotency_key))
+        return FitState.of(self._calls.begin("/fits", body, idempotency_key))
 
     def batch(
         self,
@@ -181,7 +171,7 @@ class Client:
             for motor in motors
         ]
         body = {"motors": asked, "options": dict(options or {}), "name": name}
-        return Batch.of(self._begin("/batches", body, idempotency_key))
+        return Batch.of(self._calls.begin("/batches", body, idempotency_key))
 
     def wait(
         self,
@@ -264,11 +254,11 @@ class Client:
 
     def fetch_report(self, fit: FitState | str, path: str | os.PathLike[str]) -> Path:
         """Write the report of a succeeded fit; return the path."""
-        return self._fetched(f"/fits/{_id(fit)}/report", Path(path))
+        return self._calls.fetched(f"/fits/{_id(fit)}/report", Path(path))
 
     def fetch_posterior(self, fit: FitState | str, path: str | os.PathLike[str]) -> Path:
         """Write the posterior of a succeeded fit that was sampled; return the path."""
-        return self._fetched(f"/fits/{_id(fit)}/posterior", Path(path))
+        return self._calls.fetched(f"/fits/{_id(fit)}/posterior", Path(path))
 
     def fetch_export(
         self,
@@ -287,7 +277,7 @@ class Client:
             temperatures: Temperatures of linear models [degC]; those of the result if empty.
         """
         chosen = urlencode([("temperature", one) for one in temperatures])
-        return self._fetched(
+        return self._calls.fetched(
             f"/fits/{_id(fit)}/exports/{quote(form, safe='')}?{chosen}", Path(path)
         )
 
@@ -304,85 +294,55 @@ class Client:
                 f"{target.name!r} has no suffix of a table format; expected a name that ends with "
                 f"{', '.join(_TABLES)}"
             )
-        return self._fetched(f"/batches/{_id(batch)}/results", target, _TABLES[target.suffix])
+        return self._calls.fetched(f"/batches/{_id(batch)}/results", target, _TABLES[target.suffix])
 
     def fetch_fleet(self, batch: Batch | str, path: str | os.PathLike[str]) -> Path:
         """Write the fleet page of a batch; return the path."""
-        return self._fetched(f"/batches/{_id(batch)}/report", Path(path))
+        return self._calls.fetched(f"/batches/{_id(batch)}/report", Path(path))
 
     def show_run(self, run: Run | str) -> Run:
         """Stored run."""
-        return Run.of(self._get(f"/runs/{_id(run)}"))
+        return Run.of(self._calls.get(f"/runs/{_id(run)}"))
 
     def show_fit(self, fit: FitState | str) -> FitState:
         """Current state of a fit, with its result once it has succeeded."""
-        return FitState.of(self._get(f"/fits/{_id(fit)}"))
+        return FitState.of(self._calls.get(f"/fits/{_id(fit)}"))
 
     def show_batch(self, batch: Batch | str) -> Batch:
         """Current state of a batch and of each of its fits."""
-        return Batch.of(self._get(f"/batches/{_id(batch)}"))
+        return Batch.of(self._calls.get(f"/batches/{_id(batch)}"))
 
     def runs(self, *, motor: str | None = None) -> Iterator[Run]:
         """All runs, newest first; pages are requested on demand."""
-        return map(Run.of, self._listed("/runs", motor=motor))
+        return map(Run.of, self._calls.listed("/runs", motor=motor))
 
     def fits(self, *, status: str | None = None, motor: str | None = None) -> Iterator[FitState]:
         """All fits, newest first, without their results."""
-        return map(FitState.of, self._listed("/fits", status=status, motor=motor))
+        return map(FitState.of, self._calls.listed("/fits", status=status, motor=motor))
 
     def batches(self) -> Iterator[Batch]:
         """All batches, newest first, without their fits."""
-        return map(Batch.of, self._listed("/batches"))
+        return map(Batch.of, self._calls.listed("/batches"))
 
     def cancel(self, fit: FitState | str) -> FitState:
         """Cancel an unfinished fit; an ended one is left unchanged."""
-        return FitState.of(self._cancelled(f"/fits/{_id(fit)}"))
+        return FitState.of(self._calls.cancelled(f"/fits/{_id(fit)}"))
 
     def cancel_batch(self, batch: Batch | str) -> Batch:
         """Cancel the unfinished fits of a batch; ended ones are left unchanged."""
-        return Batch.of(self._cancelled(f"/batches/{_id(batch)}"))
+        return Batch.of(self._calls.cancelled(f"/batches/{_id(batch)}"))
 
     def delete_run(self, run: Run | str) -> None:
         """Remove a run; a missing run is not an error."""
-        self._deleted(f"/runs/{_id(run)}")
+        self._calls.deleted(f"/runs/{_id(run)}")
 
     def delete_fit(self, fit: FitState | str) -> None:
         """Remove a fit with its outputs; an unfinished one is cancelled first."""
-        self._deleted(f"/fits/{_id(fit)}")
+        self._calls.deleted(f"/fits/{_id(fit)}")
 
     def delete_batch(self, batch: Batch | str) -> None:
         """Remove a batch with its fits; unfinished ones are cancelled first."""
-        self._deleted(f"/batches/{_id(batch)}")
-
-    def _get(self, path: str, **parameters: Any) -> dict[str, Any]:
-        given = {name: value for name, value in parameters.items() if value is not None}
-        return content_of(self._transport.call("GET", path, params=given))
-
-    def _begin(self, path: str, body: Mapping[str, Any], key: str | None) -> dict[str, Any]:
-        headers = {"Idempotency-Key": key or uuid.uuid4().hex}
-        return content_of(self._transport.call("POST", path, json=body, headers=headers))
-
-    def _listed(self, path: str, **parameters: Any) -> Iterator[dict[str, Any]]:
-        page = self._get(path, limit=_PAGE, **parameters)
-        yield from page["items"]
-        while page["next"] is not None:
-            page = self._get(path, limit=_PAGE, after=page["next"], **parameters)
-            yield from page["items"]
-
-    def _cancelled(self, path: str) -> dict[str, Any]:
-        return content_of(self._transport.call("DELETE", path, params={"remove": "false"}))
-
-    def _deleted(self, path: str) -> None:
-        try:
-            while self._transport.call("DELETE", path).status_code != 204:
-                time.sleep(_MOMENT_S)
-        except NotFound:
-            return
-
-    def _fetched(self, path: str, target: Path, kind: str = "*/*") -> Path:
-        with replacing(target) as file:
-            self._transport.copy(path, {"Accept": kind}, file)
-        return target
+        self._calls.deleted(f"/batches/{_id(batch)}")
 
 
 def _id(thing: Run | FitState | Batch | str) -> str:
