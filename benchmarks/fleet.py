@@ -2,10 +2,7 @@
 
     python -m benchmarks.fleet [--motors 100] [--fleets 40] [--fits 24] [--rows 600]
 
-Simulated estimates: each motor has two results whose errors are normal with the standard deviations
-and the correlations of a fit of a short campaign.  A drift changes the parameters along one cause
-of `identification.fleet.causes`, in a random direction of it and by a random size.  Every parameter
-also changes by the repeatability of campaigns.
+Simulated estimates: fleets of `benchmarks.simulated_fleet` with drifts of random size.
 
 Real fits: random motors are simulated by the independent bench simulator (`bench/`) in two short
 campaigns, identified from the runs alone, and compared.  Between the campaigns a motor is
@@ -20,115 +17,26 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench import make_campaign
 from bench.motors import Motor, random_motor
 from benchmarks.coverage import run_of
+from benchmarks.simulated_fleet import Z90, estimate, simulated_fleet
 from identification import FitOptions, identify
-from identification.fleet.causes import CAUSES, Cause
-from identification.fleet.explanation import REPEATABILITY, Explanation, explanations
+from identification.fleet.causes import CAUSES
+from identification.fleet.explanation import Explanation, explanations
 from identification.fleet.pooling import pools_of
-from identification.fleet.refit import Estimate, Refit, Size, compared_with, refit_of
+from identification.fleet.refit import Refit, compared_with, refit_of
 
-__all__ = ["main", "simulated_fleet"]
+__all__ = ["main"]
 
-Array = NDArray[np.float64]
-
-NAMES = (
-    "Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L", "coulomb_friction.torque",
-    "brush_drop.voltage", "viscous_temperature.rate",
-)  # fmt: skip
-VALUES = (1.1, 3.9e-3, 0.115, -1.2e-3, 1.2e-4, 6e-5, 2.6e-3, 8e-3, 0.6, 0.012)
-RELATIVE_SDS = (0.001, 0.004, 0.001, 0.008, 0.002, 0.02, 0.002, 0.01, 0.01, 0.03)
-_CORRELATED = {
-    ("Ra25", "alpha_Ra"): -0.85,
-    ("Kt25", "J"): 0.8,
-    ("Kt25", "alpha_Kt"): -0.4,
-    ("b", "coulomb_friction.torque"): -0.6,
-    ("Ra25", "brush_drop.voltage"): -0.3,
-}
 SIZES = (0.01, 0.03, 0.1)
-_FRICTIONAL, _FRICTION_FACTOR = {"run_in", "grease", "bearing_wear"}, 5.0
 _DRIFTING = 0.2
-_Z = 1.645
-
-
-def _estimate(value: float, sd: float) -> Estimate:
-    value, sd = float(value), float(sd)
-    return Estimate(value, sd, value - _Z * sd, value + _Z * sd, True)
-
-
-def _correlations() -> Array:
-    matrix = np.eye(len(NAMES))
-    for (first, second), value in _CORRELATED.items():
-        row, column = NAMES.index(first), NAMES.index(second)
-        matrix[row, column] = matrix[column, row] = value
-    return matrix
-
-
-def _refit(name: str, values: Array, sds: Array, correlation: Array, with_effects: bool) -> Refit:
-    estimates = {n: _estimate(v, s) for n, v, s in zip(NAMES, values, sds, strict=True)}
-    names = NAMES if with_effects else NAMES[:7]
-    return Refit(
-        name,
-        "fitted",
-        {n: estimates[n] for n in NAMES[:7]},
-        sizes={n: Size(estimates[n], "", "") for n in names[7:]},
-        correlation={
-            (a, b): float(correlation[i, j])
-            for i, a in enumerate(NAMES)
-            for j, b in enumerate(NAMES)
-        },
-    )
-
-
-def simulated_fleet(
-    motors: int,
-    rng: np.random.Generator,
-    drifts: Mapping[int, tuple[Cause, float]],
-    with_effects: bool = True,
-) -> list[Refit]:
-    """Simulate a fleet with two results for each motor.
-
-    Args:
-        motors: Number of motors.
-        rng: Random numbers.
-        drifts: Cause and relative size of the drift by motor.
-        with_effects: Whether the models contain friction, brush drop and grease effects.
-    """
-    correlation = _correlations()
-    fleet = []
-    for number in range(motors):
-        true = np.array(VALUES) * np.exp(0.03 * rng.normal(size=len(NAMES)))
-        sds = np.abs(true) * RELATIVE_SDS * rng.uniform(0.5, 2.0)
-        lower = np.linalg.cholesky(correlation) * sds[:, None]
-        changed = true * (1.0 + REPEATABILITY * rng.normal(size=len(NAMES)))
-        if number in drifts:
-            cause, size = drifts[number]
-            size *= _FRICTION_FACTOR if cause.name in _FRICTIONAL else 1.0
-            before = dict(zip(NAMES, true.tolist(), strict=True))
-            shown = [
-                direction
-                for direction in cause.directions(before)
-                if with_effects or {*direction} & {*NAMES[:7]}
-            ]
-            direction = shown[int(rng.integers(len(shown)))]
-            largest = max(abs(v) for v in direction.values())
-            relative = np.array([direction.get(name, 0.0) for name in NAMES]) / largest
-            changed = changed * np.exp(size * relative)
-        first, second = (
-            _refit(f"motor {number}", values + lower @ rng.normal(size=len(NAMES)), sds,
-                   correlation, with_effects)
-            for values in (true, changed)
-        )  # fmt: skip
-        fleet.append(compared_with(second, first))
-    return fleet
 
 
 def _false_alarms(motors: int, fleets: int, seed: int) -> list[str]:
@@ -264,18 +172,18 @@ def _pooling(types: int, seed: int) -> list[str]:
                 sds = 1e-4 * rng.uniform(0.5, 3.0, motors + 1)
                 seen = true + sds * rng.normal(size=motors + 1)
                 refits = [
-                    Refit(str(n), "fitted", {"alpha_Ra": _estimate(v, s)})
+                    Refit(str(n), "fitted", {"alpha_Ra": estimate(v, s)})
                     for n, (v, s) in enumerate(zip(seen[:-1], sds[:-1], strict=True))
                 ]
-                unknown = replace(_estimate(5e-3, 2e-3), is_identified=False)
+                unknown = replace(estimate(5e-3, 2e-3), is_identified=False)
                 (pool,) = pools_of([*refits, Refit("x", "fitted", {"alpha_Ra": unknown})])
                 for n, (low, _, high) in pool.motors.items():
                     if n == motors:
                         unheated.append(low < true[n] < high)
                         continue
-                    own.append(abs(seen[n] - true[n]) < _Z * sds[n])
+                    own.append(abs(seen[n] - true[n]) < Z90 * sds[n])
                     pooled.append(low < true[n] < high)
-                    ratios.append((high - low) / (2 * _Z * sds[n]))
+                    ratios.append((high - low) / (2 * Z90 * sds[n]))
             lines.append(
                 f"| {motors} | {spread:.0e} 1/K | {100 * np.mean(own):.1f} % "
                 f"| **{100 * np.mean(pooled):.1f} %** | {np.mean(ratios):.2f} "

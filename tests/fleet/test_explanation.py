@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.fleet import simulated_fleet
+from benchmarks.simulated_fleet import simulated_fleet
 from identification import Run
 from identification.fleet.causes import CAUSES, Cause
 from identification.fleet.explanation import UNDECIDED, Explanation, explanations
