@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.app.analysed import Bench, analysed
 from tests.app.browser import launched
+from tests.app.pending import Page
 from tests.app.service import Caller, Server, make_key, run_text, serving
 
 if TYPE_CHECKING:
@@ -64,6 +67,20 @@ def nobody(server: Server) -> Iterator[Caller]:
     """Client without a key."""
     with Caller(server) as caller:
         yield caller
+
+
+@pytest.fixture
+def page(server: Server) -> Iterator[Page]:
+    """Start page of a workspace without runs."""
+    with Page(server, f"pending-{secrets.token_hex(8)}") as opened:
+        yield opened
+
+
+@pytest.fixture(scope="session")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """Two runs of the 100 W servo, fitted alone and together."""
+    with analysed(tmp_path_factory.mktemp("analyses")) as made:
+        yield made
 
 
 @pytest.fixture

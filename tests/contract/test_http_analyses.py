@@ -5,68 +5,18 @@ from __future__ import annotations
 import csv
 import html
 import io
-import json
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-import httpx
 import numpy as np
 import pytest
 
-from app.cli import main
-from identification.ingest import read_run, write_run
+from identification.ingest import read_run
 from identification.prediction import predict
 from motorid.client import Client
+from tests.app.analysed import MOTOR, Bench
 from tests.app.browser import needs_browser, show
-from tests.app.service import serving
-from tests.motors import campaign, motor_named
-
-MOTOR = "servo <1>"
-
-
-@dataclass(frozen=True)
-class Bench:
-    """Service with two fits of one motor.
-
-    Args:
-        http: Client of the service.
-        first: ID of the fit of the first run.
-        second: ID of the fit of both runs.
-        runs: IDs of the runs.
-        files: Their files.
-    """
-
-    http: httpx.Client
-    first: str
-    second: str
-    runs: tuple[str, ...]
-    files: tuple[Path, ...]
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    """Two runs of the 100 W servo, fitted alone and together."""
-    directory = tmp_path_factory.mktemp("analyses")
-    files = []
-    for number, run in enumerate(campaign(motor_named("servo 100 W"), seed=3, runs=2, rows=400)):
-        files.append(directory / f"run{number}.csv")
-        write_run(run, files[-1])
-    options = {"posterior": False, "effects": False}
-    settings = {"PIPELINE": "identification.pipeline:identify"}
-    with (
-        serving(Path(directory, "data"), "--no-auth", **settings) as server,
-        Client(server.url) as client,
-        httpx.Client(base_url=server.url, timeout=60) as http,
-    ):
-        runs = tuple(client.upload(file, motor=MOTOR).id for file in files)
-        fits = [
-            client.wait(client.fit(some, motor=MOTOR, options=options)).id
-            for some in (runs[:1], runs)
-        ]
-        yield Bench(http, fits[0], fits[1], runs, tuple(files))
 
 
 def test_loop_by_http_agrees_with_the_result(bench: Bench) -> None:
@@ -328,68 +278,3 @@ def test_page_in_a_browser_is_quiet(bench: Bench, tmp_path: Path, page: str) -> 
     assert shown.console == []
     assert [address for address in shown.requests if not address.startswith(f"{base}/")] == []
     assert "<svg" in shown.dom
-
-
-def test_designed_run_by_http_is_the_one_of_the_command_line(bench: Bench, tmp_path: Path) -> None:
-    """Equal inputs give equal files; the page offers the same file for the same fields."""
-    stored = tmp_path / "result.json"
-    fit = bench.http.get(f"/api/v1/fits/{bench.second}").json()
-    stored.write_text(json.dumps(fit["result"]), encoding="utf-8")
-    words = ["--limit", "current=2", "--narrow", "J", "--temperature", "40"]
-    assert main(["design", str(stored), "--out", str(tmp_path / "next.csv"), *words, "-q"]) == 0
-    expected = (tmp_path / "next.csv").read_text(encoding="utf-8")
-    body = {"fit": bench.second, "limits": {"current": 2.0}, "narrow": "J", "temperatures": [40.0]}
-
-    answer = bench.http.post("/api/v1/designs", json=body)
-    query = {"limits": "current=2", "narrow": "J", "temperature": "40"}
-    page = bench.http.get(f"/fits/{bench.second}/design", params=query)
-    file = bench.http.get(f"/fits/{bench.second}/design.csv", params=query)
-
-    assert answer.status_code == 200
-    assert answer.json()["table"] == expected == file.text
-    assert answer.json()["design"]["predicted_peaks"]["current"] <= 2.0
-    assert "Expected 90 % interval of J" in page.text
-    assert "voltage [V]</text>" in page.text, "the profile is plotted"
-    assert re.search(r'<code>L</code> <span class="unit">\[[mµ]H\]', page.text)
-    assert "design.csv?limits=current%3D2" in page.text
-
-
-@pytest.mark.parametrize(
-    ("body", "word"),
-    [
-        ({}, "nameplate"),
-        ({"fit": "{second}", "limits": {"torque": 1.0}}, "torque"),
-        ({"fit": "{second}", "narrow": "Rb"}, "Ra25"),
-        ({"nameplate": "voltage=12"}, "no_load_speed"),
-        ({"fit": "{second}", "duration": -1.0}, "duration"),
-    ],
-)
-def test_refused_design_says_what_is_expected(
-    bench: Bench, body: dict[str, object], word: str
-) -> None:
-    """The problem names the field or the accepted values."""
-    own = {k: v.format(second=bench.second) if isinstance(v, str) else v for k, v in body.items()}
-
-    answer = bench.http.post("/api/v1/designs", json=own)
-
-    assert answer.status_code == 422
-    assert word in answer.text
-
-
-def test_first_run_of_a_nameplate_needs_no_fit(bench: Bench) -> None:
-    """The nameplate gives 3 ohm, and the stall current limits the run."""
-    plate = "voltage=12,no_load_speed=3000rpm,stall_current=4"
-
-    answer = bench.http.post("/api/v1/designs", json={"nameplate": plate, "narrow": "Ra25"}).json()
-
-    assert answer["design"]["narrow"]["value"] == pytest.approx(3.0)
-    assert answer["design"]["predicted_peaks"]["current"] <= 4.0
-
-
-def test_page_of_the_design_keeps_what_was_typed_wrongly(bench: Bench) -> None:
-    """The field has its text, and the message says what is expected."""
-    page = bench.http.get(f"/fits/{bench.second}/design", params={"limits": "current=<b>"})
-
-    assert page.status_code == 422
-    assert 'value="current=&lt;b&gt;"' in page.text
-    assert "positive number in A" in page.text

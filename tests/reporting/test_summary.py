@@ -16,20 +16,12 @@ from identification.reporting.headline import (
 from identification.reporting.summary import summary_sentences
 from identification.reporting.tables import (
     error_rows,
-    feedback_tables,
     parameter_rows,
     run_rows,
     sampler_rows,
 )
 from identification.reporting.warnings import warning_groups
 from tests.reports import make_report
-
-
-@pytest.fixture
-def result() -> dict[str, Any]:
-    """Modifiable result of the motor without additional effects."""
-    copied: dict[str, Any] = copy.deepcopy(dict(make_report(rows=300).result))
-    return copied
 
 
 def with_ratio(result: dict[str, Any], ratio: float, role: str = "validation") -> dict[str, Any]:
@@ -112,23 +104,6 @@ def test_parameters_that_are_not_identified_are_named(result: dict[str, Any]) ->
     assert "do not determine alpha_Kt" in " ".join(summary_sentences(result))
 
 
-def test_a_single_temperature_makes_no_sentence_about_hot_and_cold(result: dict[str, Any]) -> None:
-    """With one temperature there is no comparison."""
-    result["feedback"] = result["feedback"][:1]
-
-    assert "changes the final value" not in " ".join(summary_sentences(result))
-
-
-def test_a_shift_is_taken_relative_to_the_final_value() -> None:
-    """A nominal estimate 11 % above the final one gives a shift of +11 %."""
-    rows = {row.name: row for row in parameter_rows(make_report(rows=300, with_effect=True))}
-
-    assert rows["Ra25"].shift == "+11.00 %"
-    assert rows["alpha_Kt"].shift == "+11.00 %"
-    assert rows["torque"].meaning == "of coulomb friction"
-    assert rows["torque"].before is None
-
-
 def test_a_parameter_of_an_effect_is_named_by_its_meaning() -> None:
     """The meaning that result.json gives, and the effect alone in a result without it."""
     report = make_report(rows=300, with_effect=True)
@@ -147,16 +122,6 @@ def test_a_parameter_that_the_runs_do_not_determine_has_no_bias() -> None:
 
     assert (rows["alpha_Kt"].shift, rows["alpha_Kt"].shift_bounds) == ("", "")
     assert rows["Ra25"].shift
-
-
-def test_columns_of_feedback_go_from_cold_to_hot(result: dict[str, Any]) -> None:
-    """The order of the temperatures in the result does not matter."""
-    result["feedback"].reverse()
-
-    (table,) = feedback_tables(result["feedback"])
-
-    assert table.temperatures == ("25 °C", "125 °C")
-    assert table.rows[0][0] == "Rise time, 10–90 %"
 
 
 def test_errors_of_a_role_without_runs_have_no_row(result: dict[str, Any]) -> None:
@@ -196,64 +161,6 @@ def test_one_copy_among_validation_runs_is_counted(result: dict[str, Any]) -> No
 
     assert "1 of these runs is identical to training runs" in told
     assert "On the validation runs" in told
-
-
-def spread(result: dict[str, Any], name: str, factor: float) -> None:
-    """Set the interval of a loop metric to its median divided and multiplied by a factor."""
-    for entry in result["feedback"]:
-        median = entry[name]["median"]
-        entry[name] |= {"q05": median / factor, "q95": median * factor}
-
-
-def test_undetermined_loop_metrics_are_not_predicted(result: dict[str, Any]) -> None:
-    """If the shaft never turned, Kt and J are unknown by decades."""
-    result["feedback_suited"] = []
-    for name in ("Kt25", "J", "b"):
-        result["parameters"][name]["identified"] = False
-    spread(result, "rise_time_s", 200.0)
-    spread(result, "steady_state", 20.0)
-
-    told = " ".join(summary_sentences(result))
-
-    assert "these runs do not determine the rise time and the final value" in told
-    assert "changes the final value" not in told
-    assert [f.value for f in key_figures(result)[-2:]] == ["not determined", "not determined"]
-
-
-def test_the_controller_that_suits_the_motor_stands_on_the_first_screen(
-    result: dict[str, Any],
-) -> None:
-    """Without it, the figures are those of the first controller of the options."""
-    assert [f.label for f in key_figures(result)[1:]] == ["Rise time", "Overshoot"]
-    assert "PI:2,40" in key_figures(result)[1].remark
-
-    result["feedback_suited"] = []
-
-    assert [f.label for f in key_figures(result)[1:]] == ["Rise time", "Final value"]
-    assert "P:1" in key_figures(result)[1].remark
-
-
-def test_each_determined_loop_metric_is_reported(result: dict[str, Any]) -> None:
-    """Without J the rise time is undetermined, but the final value is reported."""
-    result["parameters"]["J"]["identified"] = False
-    spread(result, "rise_time_s", 200.0)
-
-    told = " ".join(summary_sentences(result))
-
-    assert "changes the final value from" in told
-    assert "; these runs do not determine the rise time." in told
-    assert "the rise time from" not in told
-
-
-def test_an_unknown_without_influence_leaves_the_loop_determined(result: dict[str, Any]) -> None:
-    """An inductance too small to be identified does not affect the loop."""
-    result["parameters"]["L"]["identified"] = False
-
-    told = " ".join(summary_sentences(result))
-
-    assert "changes the final value from" in told
-    assert "the rise time from" in told
-    assert "these runs do not determine" not in told
 
 
 @pytest.mark.parametrize("is_used", [True, False])
@@ -345,12 +252,3 @@ def test_the_sampler_is_judged_by_the_limits_of_its_warning(steps: int, verdict:
     assert rows["Length of the chain"] == verdict
     assert rows["R-hat, largest"] == "yes"
     assert rows["Acceptance"] == ""
-
-
-def test_a_short_time_is_written_in_milliseconds(result: dict[str, Any]) -> None:
-    """Rise times of 0.72 and 0.58 s share the unit ms; the settling time of 1.28 s stays in s."""
-    (table,) = feedback_tables(result["feedback"])
-    units = {label: unit for label, unit, _ in table.rows}
-
-    assert units["Rise time, 10–90 %"] == "ms"
-    assert units["Settling time, 2 %"] == "s"

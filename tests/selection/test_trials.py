@@ -11,19 +11,17 @@ from bench import EffectRequest, make_campaign
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits, continued
-from identification.result.early_stop import early_stop_warnings
 from identification.selection import search
 from identification.selection import trials as trials_module
 from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import EvaluatedModel, is_better
-from identification.selection.outcome import Outcome
-from identification.selection.refit import refitted_with, refitted_without
-from identification.selection.score import Score, gathered
+from identification.selection.refit import refitted_with
 from identification.selection.start import Start
 from identification.selection.steps import State, admissible, enrich, rivals_of, settled
 from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
+from tests.selection.extended import extended, frictions
 
 
 def first_round(longest: float) -> tuple[Trials, EvaluatedModel, float]:
@@ -194,19 +192,6 @@ def test_a_search_that_was_cut_short_names_the_better_of_two_kinds_it_knows() ->
     assert [term.name for term in state.current.fit.simulator.model.terms] == ["coulomb_friction"]
 
 
-def frictions() -> tuple[Trials, EvaluatedModel, dict[str, Score]]:
-    """A servo with Coulomb friction, and the best score of each friction law."""
-    measured = make_campaign(
-        "servo_150w", ["coulomb_friction"], seed=12, rows=800, training=2, validation=1
-    )
-    trials = Trials(records_of_bench(measured))
-    declared = trials.evaluate(fit_declared(trials.campaign.training, "zoh"))
-    best: dict[str, Score] = {}
-    for score in gathered(trials.scores(declared)):
-        best.setdefault(score.candidate.term.name, score)
-    return trials, declared, best
-
-
 def test_a_friction_that_gained_more_than_predicted_raises_the_limit_of_other_frictions() -> None:
     """The policy's limit holds for a ratio of one; a ratio of ten multiplies it by ten."""
     trials, declared, best = frictions()
@@ -238,14 +223,6 @@ def test_an_unfinished_fit_of_the_true_friction_is_finished_before_a_friction_is
     assert found.probability > 0.95
 
 
-def extended(trials: Trials, model: EvaluatedModel, name: str) -> EvaluatedModel:
-    """The model with an effect of this type added, or with a curve."""
-    scores = trials.curves(model) if name == "unlisted" else trials.scores(model)
-    scores = [s for s in scores if s.candidate.term.name == name]
-    fits = trials.refits(model, with_predicted_gain(scores, 1))
-    return trials.finish_best(model, fits)[0]
-
-
 def test_a_rival_whose_effects_were_accepted_in_another_order_competes_with_its_own_effect() -> (
     None
 ):
@@ -269,64 +246,6 @@ def test_a_rival_whose_effects_were_accepted_in_another_order_competes_with_its_
         "brush_drop",
         "stribeck_friction",
     ]
-
-
-def test_a_removal_that_is_undecided_is_fitted_after_the_budget_is_spent() -> None:
-    """Coulomb friction is hidden; without the drag its fit reaches the cost of its model alone."""
-    trials, declared, best = frictions()
-    (drag,) = trials.finish_best(declared, trials.refits(declared, [best["quadratic_drag"]]))
-    both = extended(trials, drag, "coulomb_friction")
-    terms = {term.name: term for term in effects_of(both.fit.simulator.model.terms)}
-    ((_, alone),) = Trials(trials.campaign).refits(declared, [best["coulomb_friction"]])
-    trials.budget = Budget(-1.0)
-
-    without_drag = trials.without(both, terms["quadratic_drag"])
-
-    assert without_drag.fit.converged
-    assert without_drag.fit.cost < alone.cost + 1.0
-
-
-def test_a_removal_that_is_stuck_where_it_began_is_fitted_from_the_nominal_parameters(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Coulomb friction is hidden; without the drag its fit reaches the cost of its model alone."""
-    trials, declared, best = frictions()
-    (drag,) = trials.finish_best(declared, trials.refits(declared, [best["quadratic_drag"]]))
-    both = extended(trials, drag, "coulomb_friction")
-    terms = {term.name: term for term in effects_of(both.fit.simulator.model.terms)}
-    ((_, alone),) = Trials(trials.campaign).refits(declared, [best["coulomb_friction"]])
-    free = refitted_without
-
-    def stuck(fit: Fit, name: str, limits: TerminationLimits) -> Fit:
-        return free(fit, name, TerminationLimits(0) if fit is both.fit else limits)
-
-    monkeypatch.setattr(trials_module, "refitted_without", stuck)
-    monkeypatch.setattr(trials_module, "continued", lambda fit, limits: fit)
-
-    without_drag = trials.without(both, terms["quadratic_drag"])
-
-    assert without_drag.fit.cost < alone.cost + 1.0
-    assert not trials.removal(both, without_drag)[0]
-
-
-def test_an_effect_whose_removal_no_fit_decides_is_at_most_as_probable_as_its_absence(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Without operations no fit shows how well the drag fits without the friction."""
-    trials, declared, best = frictions()
-    monkeypatch.setattr(Fit, "may_reach", lambda *_: True)
-    ((_, fit),) = trials.refits(declared, [best["quadratic_drag"]])
-    both = extended(trials, EvaluatedModel(fit, 1.0), "coulomb_friction")
-    trials.longest, trials.budget = 0.0, Budget(-1.0)
-
-    effects, _ = search._explained(State(trials, declared, both))
-    outcome = Outcome(replace(both.fit, converged=True), tuple(effects), ())
-    (warning,) = early_stop_warnings(outcome.fit, outcome, None, "normal", None)
-
-    found = {one.name: one.given(np.ones(2)) for one in effects}
-    assert found["coulomb_friction"].probability <= 0.5
-    assert warning.code == "search_incomplete"
-    assert "the model without coulomb friction" in warning.message
 
 
 def test_a_friction_that_was_fitted_at_wrong_angles_is_fitted_again_at_those_of_its_rival(

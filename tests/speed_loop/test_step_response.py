@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import fields
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -20,6 +17,7 @@ from identification.speed_loop.step_response import (
     StepResponse,
     step_metrics,
 )
+from tests.speed_loop.loops import loop_with
 
 Array = NDArray[np.float64]
 
@@ -32,13 +30,6 @@ PAPER = {
     "b": 0.1,
     "L": 0.5,
 }
-
-
-def loop_with(numerator: list[float], closed: Sequence[float] | NDArray[np.floating[Any]]) -> Loop:
-    """Loop with the given closed-loop numerator and monic denominator."""
-    denominator = np.array([closed], dtype=float)
-    denominator[:, 1:] -= numerator
-    return Loop(np.array([numerator], dtype=float), denominator)
 
 
 def metrics(
@@ -248,96 +239,6 @@ def test_response_and_its_events_agree_with_a_fine_simulation(
     last = np.flatnonzero(np.abs(relative - 1) > 0.02)[-1]
     assert step.settling_time[0] == pytest.approx(time[last], abs=tolerance)
     assert step.overshoot[0] == pytest.approx(max(0, 100 * (relative.max() - 1)), abs=1e-5)
-
-
-RATES = st.floats(-2, 2).map(lambda exponent: 10.0**exponent)
-
-
-@st.composite
-def stable_loops(draw: st.DrawFn) -> Loop:
-    """Loops with two or three stable poles, possibly repeated, and up to two zeros."""
-    poles: list[complex] = [-draw(RATES)]
-    decay = draw(RATES)
-    swing = decay * draw(st.sampled_from([0.0, 1e-9, 1e-4, 0.3, 1.0, 7.0]))
-    apart = 0.0 if swing else draw(st.sampled_from([0.0, 1e-7, 0.1, 3.0]))
-    pair: list[complex] = [-decay + 1j * swing, -decay * (1 + apart) - 1j * swing]
-    poles = poles + pair if draw(st.booleans()) else pair
-    further = -draw(RATES)
-    swing = further * draw(st.sampled_from([0.3, 7.0]))
-    poles += draw(
-        st.sampled_from([[], [], [further], [further + 1j * swing, further - 1j * swing]])
-    )
-    closed = np.real(np.poly(poles))
-    final = draw(st.floats(0.1, 3.0))
-    lead = draw(st.floats(-0.5, 3.0))
-    numerator = [lead * closed[-2], final * closed[-1]]
-    if len(poles) > 2:
-        numerator = [draw(st.floats(0, 1)) * closed[-3], *numerator]
-    return loop_with([0.0] * (len(poles) - len(numerator)) + numerator, closed)
-
-
-@settings(deadline=None, max_examples=40)
-@given(stable_loops())
-def test_every_event_satisfies_its_own_definition(loop: Loop) -> None:
-    """The response is evaluated at and between the returned times; no reference is needed."""
-    response = StepResponse(loop)
-    step = step_metrics(response)
-
-    def relative(time: float | Array) -> Array:
-        """Speed divided by its final value."""
-        return np.asarray(response.at(np.atleast_1d(time))[0] / step.steady_state[0])
-
-    settling, rise = step.settling_time[0], step.rise_time[0]
-    after = settling + np.geomspace(1e-6, 20, 500) * settling
-    before = np.linspace(0, settling, 4001)
-    rising, settled = relative(before), relative(after)
-    tenth = _first_crossing(relative, before, rising, 0.1)
-    assert np.abs(relative(settling) - 1) == pytest.approx(0.02, rel=1e-6)
-    assert (np.abs(settled - 1) <= 0.02 * (1 + 1e-6)).all()
-    assert tenth is None or relative(tenth + rise) == pytest.approx(0.9, abs=1e-6)
-    peak = 1 + step.overshoot[0] / 100
-    assert max(rising.max(), settled.max()) <= peak * (1 + 1e-9)
-    if step.overshoot[0] > 0:
-        assert relative(step.peak_time[0]) == pytest.approx(peak, rel=1e-9)
-    else:
-        assert np.isnan(step.peak_time[0])
-
-
-def _first_crossing(
-    relative: Callable[[Array], Array], grid: Array, values: Array, share: float
-) -> float | None:
-    """First crossing by bisection after a search on a grid; None where the grid is too coarse."""
-    above = np.flatnonzero(values >= share)
-    if not above.size or above[0] < 20:
-        return None
-    low, high = grid[above[0] - 1], grid[above[0]]
-    for _ in range(45):
-        middle = (low + high) / 2
-        reached = relative(np.array([middle]))[0] >= share
-        low, high = (low, middle) if reached else (middle, high)
-    return float(high)
-
-
-@settings(deadline=None, max_examples=12)
-@given(
-    st.lists(stable_loops(), min_size=2, max_size=5).filter(
-        lambda x: len({y.numerator.shape for y in x}) == 1
-    )
-)
-def test_batch_is_the_loops_one_by_one(loops: list[Loop]) -> None:
-    """Reference: each loop alone."""
-    batch = Loop(
-        np.concatenate([loop.numerator for loop in loops]),
-        np.concatenate([loop.open_denominator for loop in loops]),
-    )
-
-    together = step_metrics(StepResponse(batch))
-
-    for k, loop in enumerate(loops):
-        alone = step_metrics(StepResponse(loop))
-        for field in fields(StepMetrics):
-            one, of_many = getattr(alone, field.name)[0], getattr(together, field.name)[k]
-            assert of_many == pytest.approx(one, rel=1e-9, nan_ok=True)
 
 
 def test_unstable_loop_has_no_times() -> None:
