@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from identification.extrapolation import extrapolation
 from identification.ingest import read_run
+from identification.remarks import extrapolation
 
 RANGES = {
     "voltage_V": [-12.0, 12.0], "current_A": [-5.0, 5.0], "speed_rad_s": [-200.0, 200.0],
