@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Query, Request, Response
@@ -59,14 +59,7 @@ def loop_page(
         shown = loop_view(loop, fit.result or {})
     except InputError as error:
         problem = sentence(str(error))
-    return page(
-        "loop",
-        **refusal(problem, "#loop-result"),
-        fit=fit_view(FitSummary.of(fit), {}),
-        form=form,
-        problem=problem,
-        loop=shown,
-    )
+    return _answered(page, "loop", "#loop-result", problem, fit, form=form, loop=shown)
 
 
 @router.get("/fits/{fit_id}/tuning")
@@ -90,14 +83,8 @@ def tuning_page(
             shown = tuning_view(found, remarks)
     except (InputError, RunRefused) as error:
         problem = sentence(str(error))
-    return page(
-        "tuning",
-        **refusal(problem, "#answer"),
-        fit=fit_view(FitSummary.of(fit), {}),
-        form=form,
-        fields=FIELDS,
-        problem=problem,
-        tuning=shown,
+    return _answered(
+        page, "tuning", "#answer", problem, fit, form=form, fields=FIELDS, tuning=shown
     )
 
 
@@ -167,15 +154,10 @@ def design_page(
         except (InputError, FieldRefused, RunRefused) as error:
             problem = sentence(str(error))
     effects = (fit.result or {}).get("effects") or ()
-    return page(
-        "design",
-        **refusal(problem, "#answer"),
-        fit=fit_view(FitSummary.of(fit), {}),
-        form=form,
-        query=urlencode(request.query_params),
-        tied=[effect["name"] for effect in effects if effect.get("alternatives")],
-        problem=problem,
-        design=shown,
+    query = urlencode(request.query_params)
+    tied = [effect["name"] for effect in effects if effect.get("alternatives")]
+    return _answered(
+        page, "design", "#answer", problem, fit, form=form, query=query, tied=tied, design=shown
     )
 
 
@@ -191,6 +173,14 @@ def design_file(
         media_type="text/csv; charset=utf-8",
         headers={"Content-Disposition": f'attachment; filename="{fit_id}-next.csv"'},
     )
+
+
+def _answered(
+    page: Page, template: str, part: str, problem: str, fit: StoredFit, **values: Any
+) -> HTMLResponse:
+    """Page of a form of a fit with its answer; with a problem, htmx shows only this part."""
+    view = fit_view(FitSummary.of(fit), {})
+    return page(template, **refusal(problem, part), fit=view, problem=problem, **values)
 
 
 @router.get("/motor")

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import casadi as ca
 import numpy as np
@@ -119,21 +119,13 @@ class FinalPath:
             # Inputs of a row describe the interval after it; the last sample starts none.
             rows = np.linspace(0, record.rows - 2, min(share, record.rows - 1))
             pieces.append(self._traced(number, np.unique(rows.astype(int))))
-        return PathSamples(
-            record=np.concatenate([p.record for p in pieces]),
-            time=np.concatenate([p.time for p in pieces]),
-            drivers={
-                name: np.concatenate([p.drivers[name] for p in pieces])
-                for name in pieces[0].drivers
-            },
-            rates=np.concatenate([p.rates for p in pieces]),
-            effects={
-                name: np.concatenate([p.effects[name] for p in pieces], 1)
-                for name in pieces[0].effects
-            },
-            missing=np.concatenate([p.missing for p in pieces]),
-            missing_sd=np.concatenate([p.missing_sd for p in pieces]),
-        )
+        arrays: dict[str, Any] = {
+            name: np.concatenate([getattr(piece, name) for piece in pieces])
+            for name in ("record", "time", "rates", "missing", "missing_sd")
+        }
+        drivers = {n: np.concatenate([p.drivers[n] for p in pieces]) for n in pieces[0].drivers}
+        effects = {n: np.concatenate([p.effects[n] for p in pieces], 1) for n in pieces[0].effects}
+        return PathSamples(drivers=drivers, effects=effects, **arrays)
 
     def within(self, number: int, rows: Index) -> PathSamples:
         """Samples (n_sample,) of one record, without its last."""
