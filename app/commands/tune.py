@@ -149,9 +149,10 @@ def _print(found: Mapping[str, Any]) -> None:
 def _table(found: Mapping[str, Any]) -> Table:
     """Probability and, for each required metric, its worst quantile over the temperatures."""
     from app.commands.console import table_with
+    from identification.tuning import METRICS
 
-    names = [name for name in found["controllers"][0]["temperatures"][0] if name in _LABELS]
-    labels = ["probability", *(_LABELS[name] for name in names)]
+    names = [*METRICS, "peak_current"]
+    labels = ["probability", *(name.replace("_", " ") for name in names)]
     table = table_with("Controllers", "controller", right=labels)
     for entry in found["controllers"]:
         cells = []
@@ -162,14 +163,3 @@ def _table(found: Mapping[str, Any]) -> Table:
                          if ends else "-")  # fmt: skip
         table.add_row(entry["controller"], f"{entry['probability']:.3f}", *cells)
     return table
-
-
-_LABELS = {
-    "rise_time": "rise time",
-    "settling_time": "settling time",
-    "overshoot": "overshoot",
-    "steady_error": "steady error",
-    "gain_margin": "gain margin",
-    "phase_margin": "phase margin",
-    "peak_current": "peak current",
-}

@@ -189,7 +189,9 @@ def fetch_posterior(fit_id: str, services: ServicesDep, caller: CallerDep) -> Op
     responses={
         200: {
             "description": "A file in the format of another program.",
-            "content": {kind: {} for kind in dict.fromkeys(kind for _, kind in EXPORTS.values())},
+            "content": {
+                kind: {} for kind in dict.fromkeys(kind for _, kind, _ in EXPORTS.values())
+            },
         },
         **responses(404, 422, 503),
     },
@@ -206,7 +208,7 @@ def fetch_export(
 ) -> Response:
     """Fetch the motor of a succeeded fit as `motorid export` writes it."""
     content = services.fits.export(caller, fit_id, form, temperature or [])
-    suffix, kind = EXPORTS[form]
+    suffix, kind, _ = EXPORTS[form]
     return Response(
         content,
         media_type=kind,

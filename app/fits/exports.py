@@ -18,17 +18,17 @@ from app.errors import FieldRefused, Unavailable
 
 __all__ = ["EXPORTS", "exported"]
 
-EXPORTS: Final[Mapping[str, tuple[str, str]]] = {
-    "python-control": (".py", "text/x-python"),
-    "matlab": (".m", "text/x-matlab"),
-    "simulink-m": (".m", "text/x-matlab"),
-    "modelica": (".mo", "text/x-modelica"),
-    "fmu": (".fmu", "application/zip"),
-    "fmu3": (".fmu", "application/zip"),
-    "c": (".c", "text/x-c"),
-    "csv": (".csv", "text/csv"),
+EXPORTS: Final[Mapping[str, tuple[str, str, str]]] = {
+    "python-control": (".py", "text/x-python", "Python (python-control)"),
+    "matlab": (".m", "text/x-matlab", "MATLAB"),
+    "simulink-m": (".m", "text/x-matlab", "Simulink"),
+    "modelica": (".mo", "text/x-modelica", "Modelica"),
+    "fmu": (".fmu", "application/zip", "FMU 2.0"),
+    "fmu3": (".fmu", "application/zip", "FMU 3.0"),
+    "c": (".c", "text/x-c", "C"),
+    "csv": (".csv", "text/csv", "table (CSV)"),
 }
-"""Suffix and media type of each format."""
+"""Suffix and media type of each format, and its name for users."""
 
 _LONGEST_S: Final = 120.0
 _AT_ONCE: Final = BoundedSemaphore(2)

@@ -12,6 +12,7 @@ from app.access.service import Caller
 from app.batches.schemas import BatchSummary
 from app.composition import Services
 from app.errors import BadKey, FileLost, NotFound, NotReady
+from app.fits.exports import EXPORTS
 from app.fits.schemas import FitOut, FitSummary
 from app.http import API_PREFIX, LOGIN_PATH
 from app.http.dependencies import CallerDep, ServicesDep
@@ -35,18 +36,6 @@ _ENDED = (
     "The session has ended, or its key was revoked or has expired, so the last action was not "
     "carried out; sign in again."
 )
-_EXPORTS = {
-    "python-control": "Python (python-control)",
-    "matlab": "MATLAB",
-    "simulink-m": "Simulink",
-    "modelica": "Modelica",
-    "fmu": "FMU 2.0",
-    "fmu3": "FMU 3.0",
-    "c": "C",
-    "csv": "table (CSV)",
-}
-"""Names of the formats of other programs on the page of a fit."""
-
 Back = Annotated[str, Query(alias="next", max_length=LONGEST_ADDRESS)]
 
 
@@ -140,7 +129,7 @@ def fit_page(fit_id: str, page: Page, services: ServicesDep, caller: CallerDep) 
         outcome=outcome,
         contradictions=[finding_view(one) for one in (fit.error and fit.error.findings) or ()],
         first_run=next(iter((*fit.validation, *fit.training)), ""),
-        exports=_EXPORTS,
+        exports={form: name for form, (_, _, name) in EXPORTS.items()},
     )
 
 

@@ -29,7 +29,9 @@ from identification.model.step_plan import plan_for, spectral_radius
 from identification.model.term import AbstractTemperature, AbstractTerm, Expression
 from identification.speed_loop.controller import PID, AbstractController
 
-__all__ = ["ClosedLoop", "LoopRun", "acting_terms", "fastest_rate", "simulated_loop"]
+__all__ = [
+    "ClosedLoop", "LoopRun", "acting_terms", "fastest_rate", "loop_inputs", "simulated_loop",
+]  # fmt: skip
 
 _NO_RUN: Final = -1.0
 _KICK_STEPS: Final = 50
@@ -202,17 +204,7 @@ def simulated_loop(
     lanes = parameters.shape[1]
     rows, starts = [], []
     for temperature, peak in conditions:
-        row = np.zeros(len(INPUTS))
-        for name, value in (
-            ("interval", time[1]),
-            ("voltage", step),
-            ("voltage_next", step),
-            ("temperature", temperature),
-            ("temperature_next", temperature),
-            ("run", _NO_RUN),
-            ("peak_temperature", max(peak, temperature)),
-        ):
-            row[INPUTS.index(name)] = value
+        row = loop_inputs(time[1], step, temperature, peak)
         rows.append(np.repeat(row[None, :], time.size, axis=0))
         start = np.zeros((len(loop.state_names), lanes))
         start[2 : 2 + own_states.size] = own_states[:, None]
@@ -225,6 +217,23 @@ def simulated_loop(
     advanced = ca.Function("loop", [x, u, p], [advance(loop, plan, x, u, p), seen])
     _, outputs = scan_of(advanced)(rows, parameters, starts)
     return [LoopRun(time, *(y[:, k, :] for k in range(4))) for y in outputs]
+
+
+def loop_inputs(interval: float, reference: float, temperature: float, peak: float) -> Array:
+    """Inputs (n_input,) of a loop with a constant reference [rad/s] in place of the voltage.
+
+    `peak` is the highest temperature that the motor has had before [degC].
+    """
+    known = {
+        "interval": interval,
+        "voltage": reference,
+        "voltage_next": reference,
+        "temperature": temperature,
+        "temperature_next": temperature,
+        "run": _NO_RUN,
+        "peak_temperature": max(peak, temperature),
+    }
+    return np.array([known.get(name, 0.0) for name in INPUTS])
 
 
 def _kicked(loop: ClosedLoop, start: Array, row: Array, parameters: Array, step: float) -> Array:

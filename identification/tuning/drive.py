@@ -33,7 +33,7 @@ from identification.model.composite import INPUTS, MotorModel
 from identification.model.scan import scan_of
 from identification.model.step import advance
 from identification.model.step_plan import StepPlan, plan_for
-from identification.speed_loop.closed_loop import LoopRun, fastest_rate
+from identification.speed_loop.closed_loop import LoopRun, fastest_rate, loop_inputs
 from identification.tuning.motor import UncertainMotor
 from identification.tuning.specification import Specification
 
@@ -47,7 +47,6 @@ _TIMING: Final = ("samples", "applies", "reference", "sample_time")
 _CONTROL: Final = ("integral", "error", "speed", "applied", "is_limited")
 _INDEX: Final = {name: k for k, name in enumerate(INPUTS)}
 _UNLIMITED: Final = 1e12
-_NO_RUN: Final = -1.0
 _MARGIN: Final = 1.5
 _MOST_SUBSTEPS: Final = 20
 _DELAY_ERROR: Final = 0.01
@@ -101,17 +100,9 @@ class Drive:
         """Inputs of each substep, (n_step, n_input)."""
         count = samples * self.substeps
         rows = np.zeros((count, len(INPUTS) + len(_TIMING)))
-        known = {
-            "interval": self.step,
-            # Only a scale of the speed for `fastest_rate`; the controller replaces the voltage.
-            "voltage": reference,
-            "temperature": temperature,
-            "temperature_next": temperature,
-            "run": _NO_RUN,
-            "peak_temperature": max(self.motor.peak, temperature),
-        }
-        for name, value in known.items():
-            rows[:, _INDEX[name]] = value
+        # The reference is a scale of the speed for `fastest_rate`; the controller replaces it.
+        inputs = loop_inputs(self.step, reference, temperature, self.motor.peak)
+        rows[:, : len(INPUTS)] = inputs
         index = np.arange(count) % self.substeps
         for k, column in enumerate(
             (index == 0, index == self._apply, reference, self.specification.sample_time)
