@@ -86,8 +86,7 @@ def fit(
         typer.Option("--motor", metavar="NAME", help="Name of the motor, for report and result."),
     ] = "",
     bench: Annotated[
-        str,
-        typer.Option(metavar="NAME", help="Name of the test bench, for report and result."),
+        str, typer.Option(metavar="NAME", help="Name of the test bench, for report and result.")
     ] = "",
     seed: options.Seed = 0,
     no_posterior: options.NoPosterior = False,

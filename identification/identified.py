@@ -94,7 +94,6 @@ class StoredResult(Identified):
 
     result: dict[str, Any]
     path: Path
-    """The file that it was read from."""
 
     def __repr__(self) -> str:
         return f"StoredResult({str(self.path)!r})"

@@ -76,7 +76,6 @@ class Identification(Identified):
 
     result: dict[str, Any]
     findings: Findings
-    """All quantities that the report shows."""
 
     def draws(self) -> dict[str, NDArray[np.float64]]:
         """(n_draw,) draws of each parameter of the final model, in its unit."""
@@ -290,11 +289,7 @@ def _admitted(
 
 
 def _omitted(
-    final: Fit,
-    fraction: float,
-    declared: Fit,
-    outcome: Outcome | None,
-    gains: Sequence[GainRatio],
+    final: Fit, fraction: float, declared: Fit, outcome: Outcome | None, gains: Sequence[GainRatio]
 ) -> tuple[OmittedTerm, ...]:
     """Terms that are not in the model and could change its parameters."""
     before = declared if outcome and outcome.effects else None

@@ -28,7 +28,6 @@ class Quotas:
     """Total size of its run files [bytes]."""
     runs: int = 0
     waiting_fits: int = 0
-    """Number of fits that have not started."""
 
     def check_run(self, session: Session, workspace: str, size: int) -> None:
         """Raise `BytesQuota` or `RunsQuota` for a run that would exceed a quota, pending or not."""

@@ -25,7 +25,6 @@ class Prediction:
     """Measured and simulated signals of one run."""
 
     rows: int
-    """Number of samples of the run."""
     errors: Mapping[str, Mapping[str, float | None]]
     """For ``current`` and ``speed``: ``rmse``, ``nrmse`` and ``noise_ratio``, as in result.json;
     null if unknown."""

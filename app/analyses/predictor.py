@@ -111,12 +111,7 @@ def _summary(run: Run, prediction: pd.DataFrame, result: dict[str, Any]) -> dict
     )
     noise = result.get("noise") or {}
     kept = extremes(
-        [
-            traces.measured_speed,
-            traces.after_speed,
-            traces.measured_current,
-            traces.after_current,
-        ],
+        [traces.measured_speed, traces.after_speed, traces.measured_current, traces.after_current],
         _BUCKETS,
     )
     return {

@@ -51,10 +51,9 @@ class TuningIn(Received):
         }
     )
 
-    specification: dict[
-        Annotated[str, StringConstraints(max_length=30)],
-        Finite,
-    ] = Field(max_length=20)
+    specification: dict[Annotated[str, StringConstraints(max_length=30)], Finite] = Field(
+        max_length=20
+    )
     """Requirements and drive, as `motorid tune --spec` takes them, in SI units, %, dB and
     degrees."""
     kinds: list[Literal["P", "PI", "PI+FF", "PID"]] = Field(

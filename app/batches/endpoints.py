@@ -66,10 +66,7 @@ def create_batch(
 
 @router.get("", summary="List batches", responses=responses(422))
 def list_batches(
-    services: ServicesDep,
-    caller: CallerDep,
-    limit: Limit = 100,
-    after: After = None,
+    services: ServicesDep, caller: CallerDep, limit: Limit = 100, after: After = None
 ) -> BatchList:
     """List batches, newest first."""
     batches, following = services.batches.page(caller, after=after, limit=limit)

@@ -21,13 +21,7 @@ from rich.table import Table
 
 from app.commands.exits import raise_missed
 from identification.result.effect_texts import effect_details
-from identification.result.numbers import (
-    UNKNOWN,
-    Interval,
-    entry_text,
-    unit_prefix,
-    unit_text,
-)
+from identification.result.numbers import UNKNOWN, Interval, entry_text, unit_prefix, unit_text
 
 __all__ = [
     "Output",

@@ -34,8 +34,7 @@ __all__ = [
 OutDir = Annotated[Path, typer.Option(metavar="DIR", help="Output directory.")]
 ResultFile = Annotated[Path, typer.Argument(metavar="RESULT", help="result.json of a fit.")]
 MappingFile = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="JSON file that assigns columns to channels."),
+    Path | None, typer.Option(metavar="FILE", help="JSON file that assigns columns to channels.")
 ]
 MapWords = Annotated[
     list[str] | None,

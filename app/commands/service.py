@@ -32,8 +32,7 @@ def serve(
         str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1]")
     ] = None,
     port: Annotated[
-        int | None,
-        typer.Option(help="Port to listen on; 0 selects a free port.  [default: 8000]"),
+        int | None, typer.Option(help="Port to listen on; 0 selects a free port.  [default: 8000]")
     ] = None,
     data_dir: options.DataDir = None,
     no_auth: Annotated[

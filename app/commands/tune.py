@@ -35,8 +35,7 @@ _Out = Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to wr
 _Temperatures = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="LOW:HIGH|DEGC...",
-        help="Range of temperatures, or single ones.  [default: 25:125]",
+        metavar="LOW:HIGH|DEGC...", help="Range of temperatures, or single ones.  [default: 25:125]"
     ),
 ]
 _Kinds = Annotated[

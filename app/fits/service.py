@@ -38,7 +38,6 @@ class StoredFit:
     """IDs of its training runs, in order."""
     validation: Sequence[str]
     has_posterior: bool = False
-    """Whether a posterior can be fetched."""
     result: dict[str, Any] | None = None
     """Content of result.json if the fit has succeeded and the result was requested."""
 

@@ -30,7 +30,6 @@ UPLOAD_PATHS: Final = (f"{API_PREFIX}/runs", f"{API_PREFIX}/runs/preview", PENDI
 LOGIN_PATH: Final = "/login"
 
 HELP_PREFIX: Final = "/help/"
-"""Prefix of the documentation site."""
 
 STATIC_PREFIX: Final = "/static/"
 """Prefix of the style sheets and scripts of the web pages, which are the same for all users."""

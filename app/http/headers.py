@@ -43,7 +43,6 @@ The page is not sandboxed: from a sandbox, a browser would follow a link without
 """
 
 FRAMED = {"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
-"""Headers of a report."""
 
 SECURITY_HEADERS = {
     "Content-Security-Policy": PAGE_POLICY,
@@ -55,7 +54,6 @@ SECURITY_HEADERS = {
     "X-Frame-Options": "DENY",
     "Cache-Control": "no-store",
 }
-"""Default headers of every response."""
 
 STATIC_CACHE = "no-cache"
 """Cache-Control of static files: revalidated on each use, resent only if changed."""

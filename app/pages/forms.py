@@ -16,15 +16,7 @@ from app.texts import parts
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
-__all__ = [
-    "FIELDS",
-    "DesignForm",
-    "LoopForm",
-    "PredictionForm",
-    "TuningForm",
-    "number",
-    "texts_of",
-]
+__all__ = ["FIELDS", "DesignForm", "LoopForm", "PredictionForm", "TuningForm", "number", "texts_of"]
 
 _MOST_TEMPERATURES: Final = 5
 _GAINS: Final = {"P": ("kp",), "PI": ("kp", "ki"), "PID": ("kp", "ki", "kd")}

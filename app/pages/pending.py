@@ -179,10 +179,7 @@ def pending_view(row: PendingRow, *, is_known: bool = False) -> dict[str, Any]:
         "is_known": is_known,
         "facts": [] if summary is None else _facts(summary),
         "errors": [
-            {
-                "text": located(error) + _remedy(error.get("examples", [])),
-                "code": error["code"],
-            }
+            {"text": located(error) + _remedy(error.get("examples", [])), "code": error["code"]}
             for error in preview["errors"]
         ],
         "findings": [finding_view(finding) for finding in preview["findings"]],

@@ -162,10 +162,7 @@ def _effects(first: Result, second: Result) -> list[dict[str, Any]]:
     """Probability of each effect in both fits; a dash where a fit does not have it."""
     found = [{e["name"]: effect_probability(e) for e in one["effects"]} for one in (first, second)]
     return [
-        {
-            "name": _words(name),
-            "probabilities": [one.get(name, UNKNOWN) for one in found],
-        }
+        {"name": _words(name), "probabilities": [one.get(name, UNKNOWN) for one in found]}
         for name in dict.fromkeys([*found[0], *found[1]])
     ]
 

@@ -156,13 +156,7 @@ class PendingRuns:
             raise FileLost(f"the file of {run_id} is missing; upload it again") from error
         found = self._reader.pending(copy, run.file, run.mapping, is_of_bench=False)
         self._keep(
-            caller,
-            copy,
-            found,
-            sha256=run.sha256,
-            bytes=run.bytes,
-            file=run.file,
-            motor=run.motor,
+            caller, copy, found, sha256=run.sha256, bytes=run.bytes, file=run.file, motor=run.motor
         )
 
     def _keep(

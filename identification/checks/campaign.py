@@ -211,7 +211,6 @@ class Admission:
     """The runs to fit, and the findings of the checks."""
 
     training: tuple[Run, ...]
-    """Runs to fit."""
     validation: tuple[Run, ...]
     findings: tuple[Finding, ...] = ()
     """Findings in the given runs, contradictions first."""

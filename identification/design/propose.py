@@ -69,7 +69,6 @@ class Proposal:
     """The run that is proposed."""
 
     task: Task
-    """What it was designed for."""
     best: Candidate
     peaks: dict[str, float]
     """Largest current [A], speed [rad/s] and distance of the shaft [rad] in any draw."""

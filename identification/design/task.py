@@ -85,7 +85,6 @@ class Task(Conditions):
     temperatures: tuple[float, ...]
     """Temperatures to choose from [degC]."""
     seed: int = 0
-    """Seed of candidates and draws."""
 
     @property
     def duration(self) -> float:

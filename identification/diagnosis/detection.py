@@ -90,7 +90,6 @@ class Detection:
     checks: tuple[ChannelCheck, ...]
     """Training before validation, current before speed."""
     missing: bool
-    """Whether any check failed."""
     sentence: str
     noisier: tuple[Channel, ...] = ()
     """Channels with more sensor noise in the validation runs: their residual is too large, but

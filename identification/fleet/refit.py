@@ -92,9 +92,7 @@ class Refit:
     ended_at: str | None = None
     """End of the fit, UTC, ISO 8601."""
     error: str = ""
-    """Why there is no result."""
     warnings: tuple[str, ...] = ()
-    """Warnings of the result, in its order."""
     previous: Refit | None = None
     link: str = ""
     """Address of its report relative to the page; empty if there is none."""

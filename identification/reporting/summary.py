@@ -12,12 +12,7 @@ from identification.result.effect_texts import (
     unexplained_words,
 )
 from identification.result.entries import NEAR_NOISE, Entry, known_only_from
-from identification.result.numbers import (
-    count_text,
-    listed,
-    number_text,
-    percent_text,
-)
+from identification.result.numbers import count_text, listed, number_text, percent_text
 
 __all__ = [
     "DOWN_TO_NOISE",

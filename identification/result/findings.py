@@ -36,7 +36,6 @@ class Findings:
     sample: Sample | None
     """The chain, None if none was requested."""
     feedback: list[dict[str, object]]
-    """The feedback list of the result."""
     feedback_before: list[dict[str, object]]
     """The feedback list of the nominal model; empty if that is the final model."""
     suited: AbstractController | None

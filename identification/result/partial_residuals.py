@@ -82,7 +82,6 @@ class FinalPath:
     """Simulation of the final model over the training records, for fit and posterior draws."""
 
     final: Fit
-    """Fit of the final model."""
     values: Array
     """(n_parameter, n_draw) physical parameters; the first draw is the fit."""
     states: Sequence[Array]

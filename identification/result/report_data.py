@@ -167,7 +167,6 @@ class ReportData:
     """Everything that a report shows."""
 
     result: Mapping[str, Any]
-    """Content of result.json."""
     runs: tuple[RunTraces, ...]
     """Training runs, then validation runs."""
     coefficients: tuple[CoefficientCurve, ...] = ()

@@ -62,10 +62,7 @@ class ResidualAnalysis:
     def simulated(self) -> dict[str, dict[str, list[Simulated]]]:
         """Simulations by ``before`` or ``after`` and by role of the runs."""
         return {
-            stage: {
-                "training": simulate_fitted(fit),
-                "validation": self._unseen(fit),
-            }
+            stage: {"training": simulate_fitted(fit), "validation": self._unseen(fit)}
             for stage, fit in (("before", self.declared), ("after", self.final))
         }
 

@@ -48,7 +48,6 @@ class SimulatedLoop:
     """Simulated step responses of one controller at one temperature."""
 
     controller: str
-    """The controller as the user wrote it."""
     temperature_degC: float  # noqa: N815
     """Temperature of winding and magnet [degC]."""
     step: float

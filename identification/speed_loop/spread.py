@@ -144,10 +144,9 @@ def _entries(loop: Loop, n_temperature: int) -> Iterator[dict[str, Any]]:
     for first in range(0, response.is_stable.size, n_draw):
         rows = slice(first, first + n_draw)
         stable = float(response.is_stable[rows].mean())
-        yield {
-            "stable_probability": stable,
-            "statement": _statement(stable, n_draw),
-        } | quantities(step, (margins.gain_db, margins.phase_deg, frequency), rows)
+        yield {"stable_probability": stable, "statement": _statement(stable, n_draw)} | quantities(
+            step, (margins.gain_db, margins.phase_deg, frequency), rows
+        )
 
 
 def _statement(stable: float, count: int) -> str:

@@ -7,11 +7,7 @@ from typing import Final
 from identification.effects.effect import AbstractEffect
 from identification.surrogates.curves import MissingTorque, MissingVoltage
 from identification.surrogates.laws import AngularFriction, Backlash, DahlFriction, SupplySag
-from identification.surrogates.ripple import (
-    MissingTorqueRipple,
-    MissingVoltageRipple,
-    SpeedRipple,
-)
+from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple, SpeedRipple
 
 __all__ = ["LAWS", "SURROGATES"]
 
