@@ -9,7 +9,9 @@ so that no derivative is needed and noise averages out.  Brush drop u, dry frict
 offsets v0 and m have their own regressors and do not bias the other coefficients.
 
 Standard errors come from a jackknife over contiguous blocks, which is valid for autocorrelated
-residuals (Kunsch, Annals of Statistics 17 (1989), 1217-1241).
+residuals (Kunsch, Annals of Statistics 17 (1989), 1217-1241).  Noise of the regressors biases
+regressors that are nearly collinear, which no residual shows (errors in variables); the standard
+errors include this bias.
 """
 
 from __future__ import annotations
@@ -54,6 +56,10 @@ _NOISE_WINDOW: Final = 16
 _NOISE_TIMES: Final = 4.0
 _CONSTANT: Final = 0.01
 """Standard deviation of a voltage that is constant for the motor, relative to its mean."""
+_NORMAL_MEDIAN: Final = 0.6745
+"""Median of the magnitude of a standard normal variable."""
+_FOURTH: Final = 70.0
+"""Variance of the fourth differences of white noise, over its own: binomial coefficient 8, 4."""
 _RIDGE: Final = 1e-12
 """Regularisation per sample of `predicted`, whose regressors have a mean square of one."""
 
@@ -133,8 +139,13 @@ def mean_square(signal: Array) -> float:
     return float(np.mean(signal**2))
 
 
-def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
-    """Least squares of (n,) values on (n,) regressors and a constant; None if collinear."""
+def regress(
+    target: Array, regressors: Sequence[Array], noise: Sequence[float] = ()
+) -> Regression | None:
+    """Least squares of (n,) values on (n,) regressors and a constant; None if collinear.
+
+    `noise` is the variance of the noise of the first regressors.
+    """
     matrix = np.column_stack(regressors)
     matrix = matrix - matrix.mean(axis=0)
     target = target - target.mean()
@@ -154,8 +165,23 @@ def regress(target: Array, regressors: Sequence[Array]) -> Regression | None:
         estimates.append(np.linalg.lstsq(left, without, rcond=1e-12)[0])
     spread = np.array(estimates)
     errors = np.sqrt((_BLOCKS - 1) * np.mean((spread - spread.mean(axis=0)) ** 2, axis=0))
+    if noise:
+        errors = np.hypot(errors, _bias(values, moments, noise / scale[: len(noise)] ** 2))
     missed = mean_square(target - unit @ values) / size**2
     return Regression(values / scale, errors / scale, values / size, missed)
+
+
+def _bias(values: Array, moments: Array, noise: Array) -> Array:
+    """Bias (n,) of least squares by the relative noise variances of the first regressors.
+
+    Infinite if a combination of the regressors is nothing but noise.
+    """
+    rows = moments[0, 0]
+    share = np.zeros_like(moments)
+    share[:, : noise.size] = np.linalg.inv(moments)[:, : noise.size] * noise * rows
+    if np.max(np.linalg.eigvals(share).real) >= 1.0:
+        return np.full(values.size, np.inf)
+    return np.asarray(np.linalg.solve(np.eye(values.size) - share, values) - values)
 
 
 def predicted(
@@ -190,6 +216,8 @@ class Balance:
     """(n_window,) [A/s]."""
     speed_rate: Array
     """(n_window,) [rad/s^2]."""
+    noise: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Variance of the white noise of current, speed, current rate and speed rate."""
 
     @cached_property
     def electrical(self) -> Regression | None:
@@ -197,7 +225,7 @@ class Balance:
         regressors = [self.current, self.speed, self.current_rate]
         if reverses(self.current):
             regressors.append(_soft_sign(self.current))
-        return regress(self.voltage, regressors)
+        return regress(self.voltage, regressors, self.noise[:3])
 
     @cached_property
     def mechanical(self) -> Regression | None:
@@ -205,7 +233,23 @@ class Balance:
         regressors = [self.speed_rate, self.speed]
         if reverses(self.speed):
             regressors.append(_soft_sign(self.speed))
-        return regress(self.current, regressors)
+        return regress(self.current, regressors, self.noise[3:0:-2])
+
+    def proportion(self, missed: float, error: float) -> tuple[float, float, float] | None:
+        """Voltage per current [ohm], per speed [V s/rad], and J / b [s] of proportional signals.
+
+        None if the current leaves more than a fraction of the voltage unexplained, or the speed of
+        the current, or if the relative standard error of one of the three is not below `error`.
+        """
+        e = regress(self.voltage, [self.current, self.current_rate], self.noise[:3:2])
+        m = self.mechanical
+        if e is None or m is None or max(e.missed, m.missed) > missed:
+            return None
+        gain, inertia, friction = map(float, (e.values[0], *m.values[:2]))
+        errors = e.errors[0] / gain, m.errors[0] / inertia, m.errors[1] / friction
+        if not np.max(np.abs(errors)) < error:
+            return None
+        return gain, gain * friction, inertia / friction
 
 
 @dataclass(frozen=True)
@@ -248,10 +292,23 @@ def _windows(signals: Signals, length: int) -> Windows:
 def balances_of(signals: Signals) -> list[Balance]:
     """The balances over each of `windows_of`."""
     v, i, w = signals.voltage, signals.current, signals.speed
-    return [
-        Balance(*map(windows.mean, (v, i, w)), *map(windows.rate, (i, w)))
-        for windows in windows_of(signals)
-    ]
+    i_noise, w_noise = _white(i), _white(w)
+    found = []
+    for windows in windows_of(signals):
+        count = float(np.median(np.diff(windows.edges)))
+        rate = 2.0 / float(np.median(np.diff(windows.time[windows.edges]))) ** 2
+        noise = i_noise / count, w_noise / count, i_noise * rate, w_noise * rate
+        means, rates = [windows.mean(x) for x in (v, i, w)], [windows.rate(x) for x in (i, w)]
+        found.append(Balance(means[0], means[1], means[2], rates[0], rates[1], noise))
+    return found
+
+
+def _white(signal: Array) -> float:
+    """Variance of the white noise of a signal (n_sample,), by its fourth differences.
+
+    The median ignores the steps of a voltage.
+    """
+    return float(np.median(np.abs(np.diff(signal, 4))) / _NORMAL_MEDIAN) ** 2 / _FOURTH
 
 
 def reverses(signal: Array) -> bool:

@@ -93,10 +93,18 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
         if all(np.ptp(getattr(run, word)) == 0.0 for run in runs)
     }
     found = [finding for one in single for finding in one if finding.column not in unmeasured]
-    electrical = {f.file for f in found if f.column != "temperature_degC"}
+    # The other runs decide on a sign that is only suspected.
+    electrical = {
+        f.file
+        for f in found
+        if f.column != "temperature_degC"
+        and (f.code, f.severity) != ("reversed_channel", "suspect")
+    }
     healthy = [run for run in runs if run.name not in electrical]
     estimates = [e for run in healthy if (e := estimate_of(run)) is not None]
-    found += consistency_findings(estimates)
+    contradictions = consistency_findings(estimates)
+    decided = {(f.code, f.file) for f in contradictions}
+    found = [f for f in found if (f.code, f.file) not in decided] + contradictions
     odd = {f.file for f in found}
     agreeing = [e for e in estimates if e.run.name not in odd]
     if "" not in odd:

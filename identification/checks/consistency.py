@@ -4,6 +4,13 @@ Scaling voltage, current, speed and time by factors gives another motor that obe
 balances, so a single run cannot reveal a wrong scale.  Runs of one motor agree in resistance,
 torque constant and inertia, except for temperature and effects.  A factor of 9.55 or 1,000 is not
 an effect.
+
+If friction keeps current and speed in proportion, a run determines neither R nor K, but
+
+    voltage per current   G = R + K^2 / b        voltage per speed   H = G b / K
+
+and the mechanical time constant J / b.  Another load changes G, H and J / b.  A wrong scale or sign
+of a channel leaves J / b as it is and scales G and H by factors that name the channel.
 """
 
 from __future__ import annotations
@@ -84,6 +91,8 @@ class Estimate:
     """Number of windows of that regression."""
     ohmic: float
     """RMS voltage across the resistance over the RMS voltage, means subtracted."""
+    proportion: tuple[float, float, float] | None
+    """`Balance.proportion` at 25 degC, if the winding has most of the voltage."""
 
     @property
     def is_long(self) -> bool:
@@ -105,29 +114,32 @@ def estimate_of(run: Run) -> Estimate | None:
     """Coefficients of a run; None if it is too short or its signals are constant."""
     balances = balances_of(signals_of(run))
     fits = [
-        (e, m, b.voltage.size)
+        (e, m, b)
         for b in balances
         if (e := b.electrical) is not None and (m := b.mechanical) is not None
     ]
     if not fits:
         return None
-    e, m, windows = min(fits, key=lambda fit: fit[0].missed)
+    e, m, best = min(fits, key=lambda fit: fit[0].missed)
     warmth = 0.0 if run.temperature is None else float(np.mean(run.temperature)) - _REFERENCE
     resistance, constant, inertia = e.values[0], e.values[1], m.values[0] * e.values[1]
+    ratios = best.proportion(_CLEAN, 1.0 / _ERRORS)
+    copper, magnet = (max(1.0 + alpha * warmth, 0.1) for alpha in (_COPPER, _MAGNET))
     return Estimate(
         run,
-        float(resistance / max(1.0 + _COPPER * warmth, 0.1)),
+        float(resistance / copper),
         _relative(e.errors[0], resistance),
         float(resistance),
-        float(constant / max(1.0 + _MAGNET * warmth, 0.1)),
+        float(constant / magnet),
         _relative(e.errors[1], constant),
         float(inertia),
         _relative(m.errors[0], m.values[0]),
         float(np.median(np.diff(run.time))),
         e.missed,
         float(m.values[1] * constant),
-        windows,
+        best.voltage.size,
         float(e.shares[0]),
+        None if ratios is None else (ratios[0] / copper, ratios[1] * magnet / copper, ratios[2]),
     )
 
 
@@ -137,9 +149,13 @@ def _relative(error: float, value: float) -> float:
 
 def consistency_findings(estimates: Sequence[Estimate]) -> list[Finding]:
     """Findings for runs, all with correct signs, whose coefficients contradict the others."""
-    sound = [e for e in estimates if e.is_sound]
-    if len(sound) < 2:
-        return []
+    found = _proportion_findings([e for e in estimates if e.proportion])
+    named = {f.file for f in found}
+    sound = [e for e in estimates if e.is_sound and e.run.name not in named]
+    return found + (_sound_findings(sound) if len(sound) > 1 else [])
+
+
+def _sound_findings(sound: Sequence[Estimate]) -> list[Finding]:
     centre = median_low(e.constant for e in sound), median_low(e.resistance for e in sound)
     odd = [e for e in sound if _is_odd(e, *centre)]
     if 2 * len(odd) >= len(sound):
@@ -147,6 +163,41 @@ def consistency_findings(estimates: Sequence[Estimate]) -> list[Finding]:
     fitting = [e for e in sound if e not in odd]
     late = [(e, ratio) for e in fitting if (ratio := _time_ratio(e, sound)) is not None]
     return [_odd_finding(e, fitting) for e in odd] + [_time_finding(e, r, sound) for e, r in late]
+
+
+def _proportion_findings(alike: Sequence[Estimate]) -> list[Finding]:
+    """Findings for runs with current and speed in proportion, of which a majority agrees."""
+    known = np.array([e.proportion for e in alike]).reshape(-1, 3)
+    usual = np.array([median_low(column) for column in known.T.tolist()]) if alike else known
+    found = []
+    for e, ratios in zip(alike, known / usual, strict=True):
+        gain, constant, time = ratios.tolist()
+        if abs(math.log(abs(time))) > _TIME or time < 0.0:
+            continue
+        named = scale_of(abs(constant), abs(gain))
+        if named is not None:
+            found.append(_scale_finding(e, *named, ratio=constant))
+        elif min(gain, constant) < 0.0:
+            found.append(_sign_finding(e, gain, constant))
+    return found if 2 * len(found) < len(alike) else []
+
+
+def _sign_finding(e: Estimate, gain: float, constant: float) -> Finding:
+    """Finding for a channel that has the opposite sign of that in the other runs."""
+    channel = "speed_rad_s" if gain > 0.0 else "current_A" if constant > 0.0 else "voltage_V"
+    word, value = ("current", gain) if gain < 0.0 else ("speed", constant)
+    return Finding(
+        "reversed_channel",
+        "refuse",
+        e.run.name,
+        channel,
+        "has the wrong sign: voltage, current and speed have other signs relative to each other "
+        "than in the other runs",
+        f"voltage per {word} relative to the other runs",
+        value,
+        0.0,
+        (factor(e.run, channel, -1.0),),
+    )
 
 
 def _is_odd(e: Estimate, constant: float, resistance: float) -> bool:
@@ -165,7 +216,7 @@ def _odd_finding(e: Estimate, fitting: Sequence[Estimate]) -> Finding:
     resistance = median_low(f.resistance for f in fitting)
     named = scale_of(e.constant / constant, e.resistance / resistance)
     if named is not None:
-        return _scale_finding(e, *named, constant)
+        return _scale_finding(e, *named, ratio=e.constant / constant)
     far_constant = abs(math.log(e.constant / constant)) > _CONSTANT
     name, unit, value, usual, limit = (
         ("Kt", "V s/rad", e.constant, constant, _CONSTANT)
@@ -201,12 +252,13 @@ def scale_of(constant: float, resistance: float) -> tuple[str, float, str] | Non
     return None
 
 
-def _scale_finding(e: Estimate, channel: str, s: float, unit: str, constant: float) -> Finding:
+def _scale_finding(e: Estimate, channel: str, s: float, unit: str, *, ratio: float) -> Finding:
+    """Finding for a wrong scale; `ratio` is Kt, or voltage per speed, over the usual one."""
     kind = f"; the values are probably in {unit}" if unit else ""
     statistic, value, limit = "scale factor", s, math.exp(_RESISTANCE)
     if channel != "current_A":
-        statistic, value = "Kt relative to the other runs", e.constant / constant
-        limit = math.exp(math.copysign(_CONSTANT, math.log(value)))
+        statistic, value = "Kt relative to the other runs", ratio
+        limit = math.exp(math.copysign(_CONSTANT, math.log(abs(value))))
     return Finding(
         "scaled_channel",
         "refuse",

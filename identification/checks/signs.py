@@ -215,7 +215,8 @@ def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
         for column, name in CHANNELS.items()
         if not reverses(getattr(signals, name)) and np.ptp(getattr(signals, name)) > 0.0
     ]
-    before = _missed(signals)
+    # Where current and speed are in proportion, R or K may be negative within its error.
+    before = _missed(signals, _ERRORS)
     if before <= _UNSIGNED_MISSED:
         return []
     for names, restored in _restored(signals, unsigned):
@@ -259,10 +260,14 @@ def _restored(signals: Signals, unsigned: list[str]) -> Iterator[tuple[list[str]
         yield unsigned, _relative_to_speed(signals)
 
 
-def _missed(signals: Signals) -> float:
-    """Least unexplained fraction of the voltage over the window lengths, with positive R and K."""
-    fits = [b.electrical for b in balances_of(signals)]
-    shares = [f.missed for f in fits if f is not None and f.values[0] > 0 and f.values[1] > 0]
+def _missed(signals: Signals, errors: float = 0.0) -> float:
+    """Least unexplained fraction of the voltage over the window lengths, with positive R and K.
+
+    They may be below zero by a number of standard errors.
+    """
+    fits = [f for b in balances_of(signals) if (f := b.electrical) is not None]
+    least = [-errors * f.errors[:2] if errors else 0.0 for f in fits]
+    shares = [f.missed for f, low in zip(fits, least, strict=True) if np.all(f.values[:2] > low)]
     return min(shares, default=1.0)
 
 

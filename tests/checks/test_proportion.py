@@ -1,0 +1,99 @@
+"""Motors whose friction keeps current and speed in proportion: one run determines neither R nor K.
+
+A wrong scale or sign in one run is then known from voltage per current, voltage per speed and the
+mechanical time constant of the other runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.commands.arguments import mapping_of
+from identification.checks import check_runs
+from identification.checks.campaign import admitted
+from identification.checks.consistency import estimate_of
+from identification.ingest import Run, read_run
+from identification.options import FitOptions
+from tests.motors import Excitation, Motor, campaign, motor_named
+
+FOLDER = Path(__file__).parents[2] / "data" / "paper_motor"
+PAPER = [read_run(FOLDER / f"training_{k}.csv") for k in range(1, 5)]
+UNITS = {"voltage": "V", "current": "A", "speed": "rad_s"}
+FAULTS = [
+    ("speed", 30.0 / np.pi, "scaled_channel"),
+    ("current", 1e3, "scaled_channel"),
+    ("voltage", 1e3, "scaled_channel"),
+    ("current", -1.0, "reversed_channel"),
+    ("speed", -1.0, "reversed_channel"),
+    ("voltage", -1.0, "reversed_channel"),
+]
+ONE_OF_EACH = pytest.mark.parametrize(("channel", "factor", "code"), FAULTS)
+
+
+def with_fault(runs: list[Run], k: int, channel: str, factor: float) -> list[Run]:
+    """Runs of which one has a channel multiplied by a factor."""
+    faulty = replace(runs[k], **{channel: factor * getattr(runs[k], channel)})
+    return [*runs[:k], faulty, *runs[k + 1 :]]
+
+
+@ONE_OF_EACH
+@pytest.mark.parametrize("k", range(len(PAPER)))
+def test_a_wrong_scale_or_sign_in_one_run_of_four_is_refused_with_its_correction(
+    k: int, channel: str, factor: float, code: str
+) -> None:
+    """The correction, applied to the file, multiplies the channel by the inverse."""
+    (finding,) = check_runs(with_fault(PAPER, k, channel, factor)).findings
+
+    name = f"{channel}_{UNITS[channel]}"
+    assert (finding.code, finding.severity) == (code, "refuse")
+    assert (finding.file, finding.column) == (PAPER[k].name, name)
+    mapping = mapping_of(None, list(finding.corrections))
+    read = read_run(FOLDER / PAPER[k].name, mapping=mapping)
+    np.testing.assert_allclose(getattr(read, channel), getattr(PAPER[k], channel) / factor)
+
+
+@ONE_OF_EACH
+def test_the_faulty_run_is_set_aside_on_request(channel: str, factor: float, code: str) -> None:
+    """The three sound runs are fitted."""
+    found = admitted(with_fault(PAPER, 3, channel, factor), [], FitOptions(set_aside=True))
+
+    assert [run.name for run in found.training] == [run.name for run in PAPER[:3]]
+    assert [(run.name, role) for run, role in found.set_aside] == [(PAPER[3].name, "training")]
+
+
+@ONE_OF_EACH
+def test_a_run_that_determines_its_parameters_is_compared_with_those_that_do_not(
+    channel: str, factor: float, code: str
+) -> None:
+    """A multisine determines R and K in two of the four runs; their majority is among all four."""
+    runs = campaign(motor_named("paper"), seed=1, runs=4, kind="multisine")
+    assert {e.is_sound for run in runs if (e := estimate_of(run))} == {False, True}
+
+    found = check_runs(with_fault(runs, 1, channel, factor)).findings
+
+    assert [(f.code, f.file) for f in found] == [(code, runs[1].name)]
+
+
+def drawn(seed: int) -> Motor:
+    """A motor like that of the paper, with all values within a factor of two."""
+    paper = motor_named("paper")
+    factors = 2.0 ** np.random.default_rng(seed).uniform(-0.5, 0.5, 7)
+    return replace(paper, values=tuple((paper.vector * factors).tolist()))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_sound_runs_of_a_motor_with_much_friction_are_not_refused(seed: int) -> None:
+    """Thirty motors, of which the last run drives a load of three times the rotor's inertia."""
+    motor = drawn(seed)
+    kinds: tuple[Excitation, ...] = ("steps", "forward", "binary")
+    kind = kinds[seed % len(kinds)]
+    loaded = motor.vector * np.array([1, 1, 1, 1, 4, 1, 1])
+    other = replace(motor, values=tuple(loaded.tolist()))
+    runs = campaign(motor, seed=seed, runs=3, kind=kind)
+    (last,) = campaign(other, seed=seed + 100, runs=1, kind=kind)
+
+    assert check_runs([*runs, replace(last, name="run3.csv")]).refused == ()
