@@ -139,7 +139,8 @@ def _numbered(columns: Sequence[Column]) -> list[Column]:
         and (
             column.unit.quantity == "voltage"
             if column.unit is not None
-            else not column.unit_texts and any(map(_NUMBER.fullmatch, column.texts))
+            else not column.unit_texts
+            and any(map(_NUMBER.fullmatch, column.texts or (column.title,)))
         )
     ]
 

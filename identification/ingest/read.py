@@ -4,8 +4,7 @@
             reader   channels    reader   here        timing, clipping, plausibility
 
 The reader of the format is the first that recognises the file; all other steps are common to all
-formats.  Each step either raises an error with row and column or returns data that later steps need
-not check again.
+formats.  Each step raises an error or returns data that later steps need not check again.
 """
 
 from __future__ import annotations
@@ -30,6 +29,7 @@ from identification.ingest.file import Limits, RunFile, naming, open_run_file, u
 from identification.ingest.formats import FORMAT_READERS
 from identification.ingest.frame import Frame
 from identification.ingest.held import find_held
+from identification.ingest.long import LongReader
 from identification.ingest.mapping import MappingLike, RunMapping, read_mapping
 from identification.ingest.names import is_direction
 from identification.ingest.plausibility import check_values
@@ -52,7 +52,7 @@ __all__ = ["FEWEST_ROWS", "READERS", "list_columns", "opened", "read_run"]
 FEWEST_ROWS = 10
 """Smallest accepted number of samples; fewer carry too little information for seven parameters."""
 
-READERS: tuple[Reader, ...] = (*FORMAT_READERS, TextReader())
+READERS: tuple[Reader, ...] = (*FORMAT_READERS, LongReader(), TextReader())
 """Readers of all formats in the order in which they are asked; the last one accepts any file."""
 
 

@@ -194,7 +194,7 @@ BROKEN_TABLES = (
     ),
     Refusal(
         "values with labels",
-        b"".join(b"U:%d.5,I:0.5,n:%d.5\n" % (k % 12, k) for k in range(20)),
+        b"".join(b"U is %d.5,I is 0.5,n is %d.5\n" % (k % 12, k) for k in range(20)),
         errors.NoTable,
         "the numbers stand within other text: write them alone, and names above them",
     ),

@@ -89,7 +89,7 @@ BROKEN_VALUES = (
     Refusal(
         "thousands",
         write({**record(), "speed_rad_s": np.arange(40.0)}, Dialect(delimiter=";")).replace(
-            b";20.0;", b";1,020.0;"
+            b";20.0;", b";1,020;"
         ),
         errors.NotANumber,
         "one decimal sign throughout",

@@ -9,6 +9,7 @@ import scipy.io
 import scipy.sparse
 
 from tests.ingest.devices import CLOCKS, DEVICES
+from tests.ingest.loggers import LOGGERS
 from tests.ingest.matlab_logs import OBJECTS
 from tests.ingest.samples import write
 from tests.ingest.scopes import SCOPES
@@ -260,6 +261,6 @@ HDF5 = (
 )
 
 SPECIMENS = (
-    *(*DEVICES, *SCOPES, *CLOCKS, *MATLAB, *OBJECTS, *HDF5),
+    *(*DEVICES, *SCOPES, *LOGGERS, *CLOCKS, *MATLAB, *OBJECTS, *HDF5),
     *(*WORKBOOKS, *COLUMNAR, *COMPRESSED, *MEASUREMENTS),
 )

@@ -56,11 +56,13 @@ class SignalTable:
     signals: Sequence[Signal]
     file: str
     warnings: tuple[RunWarning, ...] = ()
+    time_unit: str = "s"
+    """Unit of the clocks; blank if the file does not give it."""
 
     @cached_property
     def columns(self) -> Sequence[Column]:
         """The common time, then the signals."""
-        columns = [describe_column(0, ["time"], ["s"])]
+        columns = [describe_column(0, ["time"], [self.time_unit])]
         for index, signal in enumerate(self.signals, start=1):
             # A name with its group, as in "fast/speed", serves a mapping and is not parsed.
             column = describe_column(index, signal.names[-1:], [signal.unit])
@@ -130,10 +132,12 @@ class SignalTable:
         parts = []
         for name, method in methods.items():
             how = "keeps its previous value" if method == "hold" else "is interpolated linearly"
-            parts.append(f"{used[name].column.label} ({_interval(clocks[name])}) {how}")
+            parts.append(
+                f"{used[name].column.label} ({_interval(clocks[name], self.time_unit)}) {how}"
+            )
         text = (
             f"the channels have different clocks; that of {used[base].column.label} "
-            f"({_interval(clocks[base])}) is used: {', '.join(parts)}"
+            f"({_interval(clocks[base], self.time_unit)}) is used: {', '.join(parts)}"
         )
         if omitted:
             text += f"; {omitted} sample(s) at which a channel has a gap or no value are omitted"
@@ -207,5 +211,6 @@ def _is_held(channel: Channel) -> bool:
     return channel.name in _HELD or channel.is_direction
 
 
-def _interval(clock: Array) -> str:
-    return f"{float(np.median(np.diff(clock))):.4g} s" if clock.size > 1 else "one sample"
+def _interval(clock: Array, unit: str) -> str:
+    interval = f"{float(np.median(np.diff(clock))):.4g} {unit}" if clock.size > 1 else "one sample"
+    return interval.rstrip()

@@ -95,10 +95,17 @@ def _cell(value: Cell) -> str:
             return str(int(value))
         case float() | int():
             return repr(value)
+        case datetime.timedelta() if value >= datetime.timedelta():
+            hours, rest = divmod(value, datetime.timedelta(hours=1))
+            # The digits behind the hours are those of a time of day.
+            return f"{hours:02d}{(datetime.datetime.min + rest).time().isoformat()[2:]}"
         case datetime.timedelta():
             return repr(value.total_seconds())
-        case datetime.date() | datetime.time():
+        case datetime.datetime() | datetime.time():
             return value.isoformat()
+        case datetime.date():
+            # The library gives midnight as a date.
+            return f"{value.isoformat()}T00:00:00"
         case _:
             text = " ".join(value.split()).replace('"', "'").replace("\0", " ")
             return f'"{text}"' if text else ""

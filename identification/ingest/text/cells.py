@@ -15,6 +15,7 @@ __all__ = [
     "is_number",
     "is_number_word",
     "is_time_of_day",
+    "is_whole_second",
     "number_text",
     "split_cells",
 ]
@@ -26,12 +27,14 @@ _NOT_FINITE = re.compile(
     r"[+-]?(?:nan|inf|infinity|1\.#(?:inf|qnan|ind)\d*|#?n/?a!?|nil|null|none|unendlich|∞)",
     re.IGNORECASE,
 )
-_WORDS_AND_QUOTES = re.compile(r'"[^"]*"|\S+')
+# A label stays with its number: U: 12.5
+_WORDS_AND_QUOTES = re.compile(r'"[^"]*"|[^\W\d][^\s:="]*[:=][ \t]+[+-]?[\d.]\S*|\S+')
 _WORDS_WITH_UNITS = re.compile(r'"[^"]*"|[^\s"\[(]\S*(?:[ \t]+[\[(][^\])]{0,40}[\])])?|\S+')
 _CLOCK = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d[\d:.,TZ +-]*|\d{1,2}\.\d{1,2}\.\d{4}[\d:., ]*")
 _TIME = re.compile(
-    r"(?:(?P<date>\d[\d./-]{7,9})[T ] ?)?(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2})"
-    r"(?:[.,:](?P<fraction>\d{1,12}))?(?:Z|(?P<zone>[+-]\d{2}:?\d{2}))?",
+    r"(?:(?P<date>\d[\d./-]{7,9}|\d\d-[A-Za-z]{3}-\d{4})[T ] ?)?"
+    r"(?:(?P<h>\d{1,5}):|(?=\d\d:\d\d[.,]))(?P<m>\d{2}):(?P<s>\d{2})"
+    r"(?:[.,:](?P<fraction>\d{1,12}))?(?: (?P<half>[AP])M)?(?:Z|(?P<zone>[+-]\d{2}:?\d{2}))?",
     re.ASCII,
 )
 _YEAR_FIRST = re.compile(r"(?P<y>\d{4})[./-](?P<m>\d{1,2})[./-](?P<d>\d{1,2})", re.ASCII)
@@ -84,7 +87,7 @@ def is_number_word(cell: str) -> bool:
 
 def is_clock(cell: str) -> bool:
     """Return True if the cell is a date or a time of day."""
-    return _CLOCK.fullmatch(cell) is not None
+    return _CLOCK.fullmatch(cell) is not None or is_time_of_day(cell)
 
 
 def expected_instead(cell: str, unit: str) -> str:
@@ -105,10 +108,17 @@ def is_time_of_day(cell: str) -> bool:
     return _TIME.fullmatch(cell) is not None
 
 
+def is_whole_second(cell: str) -> bool:
+    """Return True for a time of day without a fraction of the second."""
+    match = _TIME.fullmatch(cell)
+    return match is not None and match["fraction"] is None
+
+
 class ClockTimes:
     """Reader of the dates and times of day of one column, in the order of the file.
 
         08:00:00.125        2026-03-01T08:00:00.125Z        01.03.2026 08:00:00,125
+        00:00.125           3/1/2026 8:00:00.125 AM         01-Mar-2026 08:00:00.125
 
     Times are counted in whole nanoseconds, which a floating point number of seconds since 1970
     loses.
@@ -147,7 +157,10 @@ class ClockTimes:
 
     def _ticks_of_day(self, match: re.Match[str]) -> int:
         """Nanoseconds since midnight, in UTC if the cell gives its zone."""
-        seconds = (int(match["h"]) * 60 + int(match["m"])) * 60 + int(match["s"])
+        hours = int(match["h"] or 0)
+        if match["half"]:
+            hours = hours % 12 + 12 * (match["half"] == "P")
+        seconds = (hours * 60 + int(match["m"])) * 60 + int(match["s"])
         zone = (match["zone"] or "+0000").replace(":", "")
         seconds -= (int(zone[:3]) * 60 + int(zone[0] + zone[3:])) * 60
         fraction = (match["fraction"] or "")[:9].ljust(9, "0")

@@ -11,17 +11,35 @@ names and samples is a damaged sample and raises an error.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from identification.errors import EmptyFile, FileTooLarge, NoRows, NoTable, NotANumber, RunFileError
+from identification.ingest.columns import read_columns
 from identification.ingest.display import listed, quoted
 from identification.ingest.file import Limits
 from identification.ingest.names import is_channel_name
+from identification.ingest.text.bare import BareCells, is_affixed, is_grouped
 from identification.ingest.text.blocks import Block
-from identification.ingest.text.cells import is_clock, is_number, is_number_word, split_cells
-from identification.ingest.text.header import HeaderRows, Line, Preamble, is_keyed, read_preamble
+from identification.ingest.text.cells import (
+    is_clock,
+    is_number,
+    is_number_word,
+    is_time_of_day,
+    is_whole_second,
+    split_cells,
+)
+from identification.ingest.text.header import (
+    HeaderRows,
+    Line,
+    Preamble,
+    is_keyed,
+    read_preamble,
+)
+from identification.ingest.text.interval import stated_interval
 
 __all__ = ["COMMENT_MARKS", "Layout", "detect_layout"]
 
@@ -35,6 +53,8 @@ _NUMBERS = re.compile(r"\d+(?:[.,]\d+)?")
 _SHOWN = 1000
 # Order of preference if two delimiters have the same score.
 _DELIMITERS = ("\t", ";", ",", " ")
+# Columns that may hold the fraction of a time of day, with its digits.
+_DIGITS = {"ms": 3, "us": 6, "ns": 9, "fraction": 0, "fraction of second": 0, "subsecond": 0}
 _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
@@ -58,6 +78,8 @@ class Layout:
     """Cells of the first sample."""
     first_field: int = 0
     """Index of the first cell of a sample; the cells left of it are settings."""
+    bare: BareCells | None = None
+    """Rewriting of lines whose cells are no plain numbers, or None."""
 
 
 def detect_layout(block: Block, limits: Limits) -> Layout:
@@ -71,10 +93,13 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
     delimiters = (forced,) if forced else _DELIMITERS
     if (beside := _beside_settings(lines, delimiters)) is not None:
         return beside
-    found = _best_delimiter(lines, delimiters)
+    found = _best_delimiter(lines, delimiters, is_number)
+    if found is None or 2.0 * found[0] < len(lines):
+        affixed = _best_delimiter(lines, delimiters, is_affixed)
+        found = max(filter(None, (found, affixed)), default=None)
     if found is None:
         raise _no_samples(lines, comments)
-    delimiter, fields, at = found
+    _, delimiter, fields, at = found
     if fields > limits.columns:
         raise FileTooLarge(
             f"{fields} columns are more than the limit of {limits.columns}; "
@@ -82,20 +107,39 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
             row=lines[at].number,
             value=fields,
         )
+    bare = _bare_cells(lines[at:], delimiter, fields)
+    if bare is not None:
+        lines[at:] = [replace(line, text=bare.line(line.text)) for line in lines[at:]]
     _refuse_unclear_commas(lines[at:], delimiter, fields)
     cells = [split_cells(line.text, delimiter) for line in lines[:at]]
-    preamble = read_preamble(cells)
+    titles = [line.text for line in (*lines[:at], *comments)]
+    preamble = replace(read_preamble(cells), interval=stated_interval(titles))
     above = [line for line, one in zip(lines, cells, strict=False) if not is_keyed(one)]
-    rows = HeaderRows(delimiter, fields, lines[at]).above(above, comments, preamble.names())
+    if bare is not None and any(bare.labels):
+        rows = []
+    else:
+        rows = HeaderRows(delimiter, fields, lines[at]).above(above, comments, preamble.names())
+    header = tuple(tuple(cells) for _, cells in rows)
+    header += bare.header if bare is not None else ()
+    bare = _with_clock(bare or BareCells.of(delimiter, [""] * fields), header, lines[at:]) or bare
     return Layout(
         delimiter,
         fields,
-        tuple(tuple(cells) for _, cells in rows),
-        rows[0][0].number,
+        header,
+        rows[0][0].number if rows else lines[at].number,
         lines[at].number,
         preamble,
         tuple(split_cells(lines[at].text, delimiter)),
+        bare=bare,
     )
+
+
+def _bare_cells(lines: list[Line], delimiter: str, fields: int) -> BareCells | None:
+    """Rewriting of samples with labels, units or thousands separators; None if there are none."""
+    bare = BareCells.of(delimiter, split_cells(lines[0].text, delimiter))
+    rows = [split_cells(line.text, delimiter) for line in lines]
+    is_needed = bool(bare.header) or any(map(is_grouped, itertools.chain.from_iterable(rows)))
+    return bare if is_needed else None
 
 
 def _beside_settings(lines: list[Line], delimiters: tuple[str, ...]) -> Layout | None:
@@ -165,12 +209,31 @@ def _joined(texts: list[str], first_line: int) -> list[tuple[int, str]]:
     return joined
 
 
-def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str, int, int] | None:
-    """Delimiter with the highest score, its number of fields and the index of the first sample."""
+def _with_clock(
+    bare: BareCells, header: tuple[tuple[str, ...], ...], lines: list[Line]
+) -> BareCells | None:
+    """Rewriting that completes a time of day by the column of its fraction; None if none does."""
+    rows = [split_cells(line.text, bare.delimiter) for line in lines]
+    rows = [cells for cells in rows if len(cells) == len(bare.labels)]
+    columns = read_columns(header)
+    times = [c for c in columns if "time" in c.quantities and is_whole_second(rows[0][c.index])]
+    for column in columns:
+        name = column.unit.name if column.unit is not None else column.title.casefold()
+        if len(times) == 1 and name in _DIGITS:
+            found = replace(bare, clock=times[0].index, part=column.index, digits=_DIGITS[name])
+            if all(map(found.fraction, rows)):
+                return found
+    return None
+
+
+def _best_delimiter(
+    lines: list[Line], delimiters: tuple[str, ...], is_value: Callable[[str], bool]
+) -> tuple[float, str, int, int] | None:
+    """Highest score, its delimiter, number of fields, and index of the first sample."""
     best: tuple[float, str, int, int] | None = None
     for delimiter in delimiters:
         rows = [split_cells(line.text, delimiter) for line in lines]
-        shares = [_share_of_numbers(cells) for cells in rows]
+        shares = [_share_of_numbers(cells, is_value) for cells in rows]
         counts = Counter(len(cells) for cells, share in zip(rows, shares, strict=True) if share)
         if not counts:
             continue
@@ -179,15 +242,15 @@ def _best_delimiter(lines: list[Line], delimiters: tuple[str, ...]) -> tuple[str
         if best is None or score > best[0]:
             at = next(k for k, s in enumerate(shares) if s and len(rows[k]) == fields)
             best = (score, delimiter, fields, at)
-    return best[1:] if best else None
+    return best
 
 
-def _share_of_numbers(cells: list[str]) -> float:
+def _share_of_numbers(cells: list[str], is_value: Callable[[str], bool]) -> float:
     """Fraction of the filled cells that are numbers; 0 if the line is not a sample."""
     if len(cells) < 2:
         return 0.0
-    filled = [cell for cell in cells if cell]
-    numbers = [cell for cell in filled if is_number(cell) or is_number_word(cell)]
+    filled = [cell for k, cell in enumerate(cells) if cell and (k == 0 or not is_time_of_day(cell))]
+    numbers = [cell for cell in filled if is_value(cell) or is_number_word(cell)]
     begins = not any(cells[:1]) or cells[0] in numbers or is_clock(cells[0])
     is_sample = begins and len(numbers) >= max(2, len(filled) // 2 + 1)
     return len(numbers) / len(filled) if is_sample else 0.0

@@ -56,7 +56,7 @@ KEYS = frozenset((*_NAMES, *_UNITS, *_TIME_UNIT, *_START, *_STEP, _COLUMNS, _SEQ
 _LABVIEW_TIME = "x_value"
 _PAIRED = "sampletime[ms]"
 # Columns and cells of a header that give the clock once, and have no cells in the samples.
-_CLOCK = re.compile(r"|comment|start|increment|(?P<key>t0|tinc) *= *(?P<number>\S+)", re.IGNORECASE)
+_CLOCK = re.compile(r"|comment|start|increment|(?P<key>t0|tinc) *= *(?P<number>\S+?)s?", re.I)
 
 
 @dataclass(frozen=True)
@@ -127,6 +127,9 @@ class HeaderRows:
         delimiters = (self._delimiter,) if self._delimiter != " " else (" ", ",", ";", "\t")
         for delimiter in delimiters:
             cells = split_cells(line.text, delimiter, units_in_brackets=True)
+            # The clock in the header is no name of a column.
+            clocks = map(_CLOCK.fullmatch, cells)
+            cells = ["" if m and m["key"] else c for c, m in zip(cells, clocks, strict=True)]
             if len(cells) == self._fields:
                 return cells
             # LabVIEW ends its header with a column Comment, Rigol with the clock.
@@ -182,6 +185,8 @@ class Preamble:
 
     lines: dict[str, list[str]] = field(default_factory=dict)
     """Key to the cells of its line, the key included."""
+    interval: float = math.nan
+    """Sample interval that a title line states [s], or NaN."""
 
     def columns(self, columns: Sequence[Column]) -> list[Column]:
         """Columns of the table with the names and units of the preamble added.
@@ -196,8 +201,9 @@ class Preamble:
             replace(self._described(other, len(columns)), index=column.index)
             for column, other in zip(columns, shifted, strict=True)
         ]
-        if self.clock is not None and not any("time" in c.quantities for c in described):
+        if self.implied is not None and not any("time" in c.quantities for c in described):
             unit = next((self._cell(key, 1) for key in _TIME_UNIT if key in self.lines), "s")
+            unit = unit if self.clock is not None else "s"
             described.append(describe_column(len(described), ["time"], [unit]))
         return described
 
@@ -213,6 +219,12 @@ class Preamble:
         step = next((self._number(key) for key in _STEP if key in self.lines), math.nan)
         start = next((self._number(key) for key in _START if key in self.lines), 0.0)
         return (start, step) if step > 0.0 and math.isfinite(start) else None
+
+    @property
+    def implied(self) -> tuple[float, float] | None:
+        """Clock for a table without times: that of the known keys, else that of a title line."""
+        stated = (0.0, self.interval) if self.interval > 0.0 else None
+        return self.clock or stated
 
     @property
     def samples(self) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.errors import NoRows
 from identification.ingest.channels import Channel
-from identification.ingest.columns import Column, read_columns
+from identification.ingest.columns import Column, describe_column, read_columns
 from identification.ingest.file import Limits, RunFile
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
@@ -58,12 +58,27 @@ class TextTable:
     """Text table, read block by block from the first sample on."""
 
     def __init__(self, layout: Layout, blocks: Iterable[Block], file: str) -> None:
-        columns = layout.preamble.columns(read_columns(layout.header))
+        columns = read_columns(layout.header)
+        if layout.preamble.implied is not None:
+            # Rigol leaves the cells of the time blank.
+            columns = [
+                describe_column(c.index, [])
+                if "time" in c.quantities and not layout.sample[c.index]
+                else c
+                for c in columns
+            ]
+        columns = layout.preamble.columns(columns)
         at = layout.first_field
         columns = [dataclasses.replace(column, index=column.index + at) for column in columns]
         # A delimiter at the end of each line makes a column without name and cells.
         named = [c for c in columns if c.texts or c.unit_texts or layout.sample[c.index]]
         self.columns = [_with_clock(column, layout.sample) for column in named]
+        if layout.bare is not None and layout.bare.clock >= 0:
+            part = layout.bare.part
+            self.columns = [
+                dataclasses.replace(c, quantities=frozenset()) if c.index == part else c
+                for c in self.columns
+            ]
         self._layout = layout
         self._blocks = blocks
         self._file = file
@@ -77,8 +92,9 @@ class TextTable:
         """
         cells = [c for c in channels if c.column.index < self._layout.fields]
         reader = SampleReader(self._layout, cells)
+        bare = self._layout.bare
         for block in self._blocks:
-            reader.add(block)
+            reader.add(dataclasses.replace(block, text=bare.block(block.text)) if bare else block)
         reader.faults.refuse()
         if not reader.lines.total:
             raise NoRows(
@@ -109,11 +125,15 @@ class TextTable:
                 RunWarning(code="probe_attenuation", message=text, file=self._file, column=label)
             )
         found = reader.samples()
-        clock = self._layout.preamble.clock
+        clock = self._layout.preamble.implied
         for channel in channels:
             if channel.name not in found and clock is not None:
                 # The time that the preamble implies is no column of the table.
                 found[channel.name] = clock[0] + np.arange(rows, dtype=np.float64) * clock[1]
+                if self._layout.preamble.clock is None:
+                    note = "the time is the number of the sample times the interval of a title line"
+                    text = f"{note}, {clock[1]:.6g} s; a lost sample shows as no gap"
+                    warnings.append(RunWarning("time_from_rows", text, self._file))
         return Samples(found, reader.lines.line, tuple(warnings))
 
 

@@ -1,0 +1,106 @@
+"""Cells that hold more than a number, rewritten as plain cells before the samples are read.
+
+    U:12.5 I:0.3            a label in front, as for the plotter of Arduino
+    1.25 sec; 12.5 V        a unit behind, as MATLAB writes a duration
+    1.234,5; 1'234.5        thousands separators, if the decimal sign shows which sign they are
+    08:00:00, 125           a time of day whose milliseconds have a column of their own
+
+The first sample shows labels and units; a cell that differs from it is no number.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from identification.ingest.text.cells import is_number, split_cells
+from identification.ingest.units import find_unit
+
+__all__ = ["BareCells", "is_affixed", "is_grouped"]
+
+_PARTS = re.compile(
+    r"(?:(?P<label>[^\W\d][^:=]{0,40})[:=]\s?)?"
+    r"(?P<number>[+-]?[\d.,'’\u00a0\u202f]*\d[.,]?(?:[eE][+-]?\d+)?) ?(?P<unit>[^\d\s.,].{0,9})?"
+)
+_GROUPS = re.compile(
+    r"[+-]?\d{1,3}(?:(?:\.\d{3})+(?=,)|(?:,\d{3})+(?=\.)|(?:['’\u00a0\u202f]\d{3})+)(?:[.,]\d*)?"
+)
+_SIGNS = re.compile(r"[.,'’\u00a0\u202f](?=.*[.,])|['’\u00a0\u202f]")
+
+
+def _parts(cell: str) -> tuple[str, str, str]:
+    """Label, plain number and unit of a cell; all blank if it holds no number."""
+    match = _PARTS.fullmatch(cell)
+    if match is None:
+        return "", "", ""
+    number, unit = match["number"], match["unit"] or ""
+    number = _SIGNS.sub("", number) if _GROUPS.fullmatch(number) else number
+    known = is_number(number) and (not unit or find_unit(unit) is not None)
+    return (match["label"] or "", number, unit) if known else ("", "", "")
+
+
+def is_affixed(cell: str) -> bool:
+    """Return True for a number with or without label, unit and thousands separators."""
+    return bool(_parts(cell)[1])
+
+
+def is_grouped(cell: str) -> bool:
+    """Return True for a number with thousands separators."""
+    return not is_number(cell) and bool(_GROUPS.fullmatch(_PARTS.sub(r"\g<number>", cell, count=1)))
+
+
+@dataclass(frozen=True)
+class BareCells:
+    """Rewriting of the lines of one table."""
+
+    delimiter: str
+    labels: tuple[str, ...]
+    """Label of each cell of the first sample; blank where there is none."""
+    units: tuple[str, ...]
+    """Unit of each cell, likewise."""
+    clock: int = -1
+    """Index of the time of day that is completed by another cell; -1 for none."""
+    part: int = -1
+    """Index of this other cell."""
+    digits: int = 0
+    """Its digits after the decimal sign: 3 for milliseconds, 0 for a fraction such as 0.125."""
+
+    @classmethod
+    def of(cls, delimiter: str, sample: Sequence[str]) -> BareCells:
+        """Rewriting for a table, by the cells of its first sample."""
+        labels, _, units = zip(*map(_parts, sample), strict=True)
+        return cls(delimiter, labels, units)
+
+    @property
+    def header(self) -> tuple[tuple[str, ...], ...]:
+        """Rows of names and of units for the header; none where no cell has one."""
+        return tuple(row for row in (self.labels, self.units) if any(row))
+
+    def line(self, text: str) -> str:
+        """The line with plain cells, if it has as many as the first sample."""
+        cells = split_cells(text, self.delimiter)
+        if len(cells) != len(self.labels):
+            return text
+        if self.clock >= 0:
+            cells[self.clock] += "." + (self.fraction(cells) or "?")
+        return self.delimiter.join(map(self._cell, cells, self.labels, self.units))
+
+    def fraction(self, cells: Sequence[str]) -> str:
+        """Digits that complete a time of day; blank if the cell is no fraction of a second."""
+        whole, _, rest = cells[self.part].replace(",", ".").partition(".")
+        is_within = whole.isdigit() and len(whole) <= self.digits or whole in ("", "0")
+        return whole.zfill(self.digits)[: self.digits] + rest if is_within else ""
+
+    def block(self, text: bytes) -> bytes:
+        """All lines of a block with plain cells."""
+        lines = text.decode("utf-8", "replace").split("\n")
+        return "\n".join(map(self.line, lines)).encode()
+
+    def _cell(self, cell: str, label: str, unit: str) -> str:
+        found, number, of = _parts(cell)
+        if number and (found, of) == (label, unit):
+            cell = number
+        elif number and unit and not of:
+            cell += f" (without {unit})"
+        return f'"{cell}"' if self.delimiter in cell else cell

@@ -1,0 +1,214 @@
+"""Imitations of the files of loggers, power analysers and serial monitors, by what is public."""
+
+from __future__ import annotations
+
+import datetime
+
+from tests.ingest.devices import DEVICE_UNITS, NAMES, device, numbered, stamped, text
+from tests.ingest.writers import RECORD, XLSX, Specimen, rows, workbook
+
+__all__ = ["LOGGERS", "long", "thousands", "with_affixes"]
+
+_ALL = list(RECORD)[1:]
+_MS = [round(1e3 * float(str(row[0]))) for row in rows()]
+# The record begins 20 ms before a new second.
+_SPLIT = [(f"08:00:{(980 + ms) // 1000:02d}", (980 + ms) % 1000) for ms in _MS]
+_START = datetime.datetime(2026, 3, 1, 23, 59, 59, 980_000)
+_CHANNELS = ("CH1", "CH2", "CH3", "CH4")
+_BARE = {name: {"column": f"CH{k}", "scale": 1.0} for k, name in enumerate(_ALL, 1)}
+_NAMED = {
+    name: {"column": title, "unit": unit}
+    for name, title, unit in zip(_ALL, NAMES, DEVICE_UNITS, strict=True)
+}
+
+
+def with_affixes(form: str, delimiter: str, header: tuple[str, ...] = ()) -> str:
+    """The record with labels or units in its cells, in a form such as ``{label}:{value}``."""
+    labels, units = ("t", "U", "I", "n", "T"), ("s", *DEVICE_UNITS)
+    lines = [
+        [
+            form.format(label=label, value=cell, unit=unit)
+            for label, cell, unit in zip(labels, row, units, strict=True)
+        ]
+        for row in rows()
+    ]
+    return text(header, lines, delimiter)
+
+
+def long(header: str, form: str, units: tuple[str, ...] = DEVICE_UNITS) -> str:
+    """The record with one signal per row, in a form of time, name, value and unit."""
+    lines = [
+        form.format(time=row[0], name=name, value=value, unit=unit, ms=f"{ms:03d}")
+        for row, ms in zip(rows(), _MS, strict=True)
+        for name, value, unit in zip(NAMES, row[1:], units, strict=True)
+    ]
+    return "\n".join([header, *lines, ""])
+
+
+def thousands(group: str, decimal: str) -> str:
+    """The record with a speed in deg/s whose numbers have a sign between thousands."""
+    lines = []
+    for k, row in enumerate(rows()):
+        number = f"{997.5 + k:,.1f}".replace(",", "g").replace(".", decimal).replace("g", group)
+        cells = [str(cell).replace(".", decimal) for cell in row]
+        lines.append(";".join([*cells[:3], number, cells[4]]))
+    return "\n".join(["time_s;voltage_V;current_A;speed_deg_s;temperature_degC", *lines, ""])
+
+
+def _times(form: str) -> list[list[object]]:
+    """Rows with the second of the day and its fraction in two columns."""
+    return [
+        [f"2026/03/01 {clock}", form.format(ms=ms, fraction=f"{ms / 1000:.3f}"), *row[1:]]
+        for (clock, ms), row in zip(_SPLIT, rows(), strict=True)
+    ]
+
+
+def _wide(first: list[object]) -> list[list[object]]:
+    return [[time, *row[1:]] for time, row in zip(first, rows(), strict=True)]
+
+
+_UNITS_ABOVE = [f"{name} [{unit}]" for name, unit in zip(NAMES, DEVICE_UNITS, strict=True)]
+_LATER = [datetime.timedelta(milliseconds=ms) for ms in _MS]
+
+LOGGERS = (
+    device(
+        "yokogawa_wt.csv",
+        "Yokogawa WT, milliseconds in a column of their own",
+        text(
+            ("Model,WT1800E", "", f"Store No.,Date,Time,Millisecond,{','.join(_UNITS_ABOVE)}"),
+            [[k, "2026/03/01", *_SPLIT[k], *row[1:]] for k, row in enumerate(rows())],
+        ),
+    ),
+    device(
+        "graphtec.csv",
+        "Graphtec, title lines, units and alarms",
+        text(
+            (
+                "Sampling interval,1ms",
+                'CH1,"CH 1",DC,20V,Off',
+                "Number,Date&Time,ms,CH1,CH2,CH3,CH4,Alarm1-4",
+                "NO.,Time,ms,V,V,V,V,A1234",
+            ),
+            [[k, *row, "LLLL"] for k, row in enumerate(_times("{ms}"))],
+        ),
+        mapping=_BARE,
+    ),
+    device(
+        "fraction.csv",
+        "a fraction of the second in a column of its own",
+        text((f"Time,Fraction,{','.join(_UNITS_ABOVE)}",), _times("{fraction}")),
+    ),
+    device(
+        "owon.csv",
+        "OWON, the interval of each channel in a title line",
+        text(
+            (
+                f"Channel :,{','.join(_CHANNELS)}",
+                "Time interval :,1.00000mS,1.00000mS,1.00000mS,1.00000mS",
+                "",
+                f"index,{','.join(f'{c}_Voltage(V)' for c in _CHANNELS)}",
+            ),
+            [[k, *row[1:]] for k, row in enumerate(rows())],
+        ),
+        mapping={
+            n: {"column": f"{c}_Voltage(V)", "scale": 1.0}
+            for n, c in zip(_ALL, _CHANNELS, strict=True)
+        },
+        implied=True,
+    ),
+    device(
+        "rate.csv",
+        "a sample rate in a comment, no time",
+        text(("# Sample rate: 1.0 kHz", ",".join(_UNITS_ABOVE)), [row[1:] for row in rows()]),
+        implied=True,
+    ),
+    device(
+        "hantek.csv",
+        "Hantek, the clock in a comment, columns without names",
+        text(("# CLOCK=1.00mS", "# UNITS:V"), [row[1:] for row in rows()]),
+        mapping=numbered("column "),
+        implied=True,
+    ),
+    device(
+        "blank_time.csv",
+        "Rigol, a blank time and the clock in the header",
+        text(
+            (f"Time(s),{','.join(_UNITS_ABOVE)},t0 = 0.0e+00s, tInc = 1.0e-03s,",),
+            [[None, *row[1:], None] for row in rows()],
+        ),
+        implied=True,
+    ),
+    device(
+        "long.csv",
+        "CANoe, one signal per row with its unit",
+        long("Time[s],Name,Value,Unit", "{time},Motor::{name},{value},{unit}"),
+    ),
+    device(
+        "unitless.csv",
+        "one signal per row, no units",
+        long("time;signal name;value", "{time};{name};{value}"),
+        mapping={"time_s": {"column": "time", "unit": "s"}, **_NAMED},
+    ),
+    device(
+        "wincc.csv",
+        "WinCC, times with a fraction, decimal commas",
+        long(
+            '"VarName";"TimeString";"VarValue";"Validity"',
+            '"{name}";"01.03.2026 08:00:00,{ms}";{value};1',
+        ),
+        mapping=_NAMED,
+    ),
+    device("months.csv", "MATLAB dates", stamped("01-Mar-2026 08:00:00.{}")),
+    device("halves.csv", "Dewesoft dates with AM and PM", stamped("3/1/2026 11:59:59.{} PM")),
+    device("elapsed.csv", "minutes and seconds", stamped("00:01.{}")),
+    device("hours.csv", "HIOKI, elapsed hours", stamped("00000:00:00.{}")),
+    device(
+        "dated.csv",
+        "HIOKI, date, time and elapsed time",
+        text(
+            (f"Date,Time,ETime,{','.join(_UNITS_ABOVE)}",),
+            [
+                ["2026/03/01", f"08:00:00.{ms:03d}", f"00000:00:00.{ms:03d}", *row[1:]]
+                for ms, row in zip(_MS, rows(), strict=True)
+            ],
+        ),
+    ),
+    device(
+        "durations.csv",
+        "MATLAB, durations in seconds",
+        text((",".join(["Time", *_ALL]),), _wide([f"{row[0]} sec" for row in rows()])),
+    ),
+    device(
+        "units.csv",
+        "a unit behind each number",
+        with_affixes("{value} {unit}", ",", ("Time,Voltage,Current,Speed,Temperature",)),
+    ),
+    device(
+        "plotter.txt",
+        "labels of a serial plotter, below lines of another kind",
+        "booting the motor board now\nready\n" + with_affixes("{label}:{value}", " "),
+        mapping={
+            name: {"column": label, "unit": unit}
+            for name, label, unit in zip(
+                RECORD, ("t", "U", "I", "n", "T"), ("s", *DEVICE_UNITS), strict=True
+            )
+        },
+    ),
+    device(
+        "labels.txt",
+        "labels with a blank and units",
+        with_affixes("{label}: {value} {unit}", ", "),
+    ),
+    Specimen(
+        "durations.xlsx",
+        "durations of a workbook",
+        lambda p: workbook(p, {"Run": [["Time", *_ALL], *_wide(list(_LATER))]}),
+        XLSX,
+    ),
+    Specimen(
+        "midnight.xlsx",
+        "dates of a workbook, one of them at midnight",
+        lambda p: workbook(p, {"Run": [["Time", *_ALL], *_wide([_START + t for t in _LATER])]}),
+        XLSX,
+    ),
+)
