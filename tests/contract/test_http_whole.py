@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import httpx
@@ -11,7 +12,8 @@ from jsonschema import Draft202012Validator
 from identification.result.schema import result_schema
 from tests.app.service import Caller, serving
 
-CAMPAIGN = Path(__file__).parents[2] / "data" / "clean_servo"
+DATA = Path(__file__).parents[2] / "data"
+CAMPAIGN = DATA / "clean_servo"
 
 
 def test_motor_is_identified_from_its_run_files_over_http(data_dir: Path) -> None:
@@ -69,3 +71,27 @@ def test_a_fit_of_contradictory_runs_fails_with_its_findings(data_dir: Path) -> 
     assert "--set-aside" not in page
     assert without["status"] == "succeeded", without["error"]
     assert [run["file"] for run in without["result"]["set_aside"]] == ["training_2.csv"]
+
+
+def test_a_run_in_rpm_of_a_motor_with_much_friction_is_refused(data_dir: Path) -> None:
+    """Current and speed are in proportion; the three other runs show the unit of the fourth."""
+    folder = DATA / "paper_motor"
+    rpm = {"speed_rad_s": {"column": "speed_rad_s", "scale": 60.0 / math.tau}}
+    with (
+        serving(data_dir, "--no-auth", PIPELINE="identification.pipeline:identify") as server,
+        Caller(server) as caller,
+    ):
+        names = [f"training_{k}.csv" for k in range(1, 5)]
+        ids = [
+            caller.upload((folder / name).read_bytes(), name, mapping=mapping)["id"]
+            for name, mapping in zip(names, ["{}", "{}", "{}", json.dumps(rpm)], strict=True)
+        ]
+        fit = caller.begin(*ids, posterior=False, effects=False)
+        fit = caller.wait(fit["id"], seconds=120)
+        page = httpx.get(f"{server.url}/fits/{fit['id']}").text
+
+    assert (fit["status"], fit["error"]["code"]) == ("failed", "contradictory_runs")
+    [finding] = fit["error"]["findings"]
+    assert (finding["code"], finding["file"]) == ("scaled_channel", names[3])
+    assert finding["corrections"] == [f"{names[3]}:speed_rad_s=speed_rad_s * 1"]
+    assert "probably in rpm" in page
