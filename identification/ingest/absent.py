@@ -130,7 +130,11 @@ def _unnamed(columns: Sequence[Column], names: Sequence[str]) -> list[Column]:
 
 
 def _numbered(columns: Sequence[Column]) -> list[Column]:
-    """Columns in volts, or without a unit and with a number in the name, such as CH1."""
+    """Columns in volts, or without a unit and with a number in the name, such as CH1.
+
+    Columns without a name have their number where no other column has one, except the time.
+    """
+    is_named = any(column.texts and "time" not in column.quantities for column in columns)
     return [
         column
         for column in columns
@@ -140,7 +144,7 @@ def _numbered(columns: Sequence[Column]) -> list[Column]:
             column.unit.quantity == "voltage"
             if column.unit is not None
             else not column.unit_texts
-            and any(map(_NUMBER.fullmatch, column.texts or (column.title,)))
+            and any(map(_NUMBER.fullmatch, column.texts if is_named else (column.title,)))
         )
     ]
 

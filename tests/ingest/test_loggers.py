@@ -9,6 +9,7 @@ import pytest
 
 from identification import errors
 from identification.ingest import read_run
+from identification.ingest.several_files import join_files
 from tests.ingest.devices import text
 from tests.ingest.loggers import long, thousands, with_affixes
 from tests.ingest.samples import channels
@@ -77,6 +78,21 @@ def test_a_label_without_a_unit_is_no_quantity(tmp_path: Path) -> None:
         assert words in text
 
 
+def test_columns_without_names_are_offered_by_number_beside_a_stated_clock(
+    tmp_path: Path,
+) -> None:
+    """Hantek: the clock is a comment, so only the channels are asked for."""
+    path = tmp_path / "run.csv"
+    path.write_text(text(("# CLOCK=1.00mS",), [row[1:4] for row in rows()]))
+
+    with pytest.raises(errors.MissingColumn, match="no column for voltage_V, cur") as caught:
+        read_run(path)
+
+    entries = {key: entry for each in caught.value.examples for key, entry in each.items()}
+    assert entries["voltage_V"] == {"column": "column 1", "scale": "V_PER_V"}
+    assert "time_s" not in entries
+
+
 @pytest.mark.parametrize(
     ("content", "cut", "samples"), [(UNITS, "66 degC", 39), (LONG, ";12.5;degC", 40)]
 )
@@ -110,6 +126,39 @@ def test_signals_at_their_own_rates_come_to_the_clock_of_the_voltage(tmp_path: P
     assert np.array_equal(run.voltage, RECORD["voltage_V"][1:39])
     later = 0.6 * RECORD["current_A"][1:39] + 0.4 * RECORD["current_A"][:38]
     np.testing.assert_allclose(run.current, later, rtol=1e-9)
+
+
+def test_signals_of_one_file_are_joined_with_the_channel_of_another(tmp_path: Path) -> None:
+    """Voltage and current with one signal per row, the speed in a file of its own."""
+    signals, speed = ["time_s;signal;value"], ["time_s,speed_rad_s"]
+    for time, voltage, current, turn, _ in rows():
+        signals += [f"{time};voltage_V;{voltage}", f"{time};current_A;{current}"]
+        speed.append(f"{time},{turn}")
+    for name, lines in (("signals.csv", signals), ("speed.csv", speed)):
+        (tmp_path / name).write_text("\n".join([*lines, ""]))
+
+    run = join_files([tmp_path / "signals.csv", tmp_path / "speed.csv"], "run.csv")
+
+    assert all(np.array_equal(a, RECORD[name]) for name, a in channels(run).items())
+    assert run.rows == len(RECORD["time_s"])
+
+
+def test_a_single_cell_with_a_label_or_a_unit_leaves_the_table_as_it_is(tmp_path: Path) -> None:
+    """A column of settings beside the canonical ones, whose unit changes."""
+    path = tmp_path / "run.csv"
+    settings = [f"mode:{k},{'5 V' if k < 20 else 'auto'}" for k in range(40)]
+    lines = [[*row, cells] for row, cells in zip(rows(), settings, strict=True)]
+    path.write_text(text((",".join([*RECORD, "mode", "range"]),), lines))
+
+    assert all(np.array_equal(a, RECORD[n]) for n, a in channels(read_run(path)).items())
+
+
+def test_units_in_the_western_windows_encoding_are_read(tmp_path: Path) -> None:
+    """The sign of a degree is one byte there."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(UNITS.replace("degC", "°C").encode("cp1252"))
+
+    assert all(np.array_equal(a, RECORD[n]) for n, a in channels(read_run(path)).items())
 
 
 def test_a_wincc_archive_counts_millionths_of_a_day(tmp_path: Path) -> None:
@@ -152,7 +201,12 @@ def test_interval_of_a_title_line_is_the_clock(
 
 @pytest.mark.parametrize(
     "titles",
-    ["Sampling interval,1", "Time interval :,1ms,2ms", "Sampling rate,1 kHz\nTime interval,5 ms"],
+    [
+        "Sampling interval,1",
+        "Time interval :,1ms,2ms",
+        "Sampling rate,1 kHz\nTime interval,5 ms",
+        "Clock: 16 MHz",
+    ],
 )
 def test_an_interval_without_a_unit_or_two_different_ones_is_no_clock(
     tmp_path: Path, titles: str

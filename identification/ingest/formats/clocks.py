@@ -165,7 +165,7 @@ def _base(clocks: Mapping[str, Array]) -> str:
     stand_ins = {"voltage_V": "duty", "speed_rad_s": "position_rad"}
     fast = [name if name in clocks else stand_ins.get(name, "") for name in _MEASURED]
     # A constant voltage has no clock.
-    fast = [name for name in fast if name in clocks]
+    fast = [name for name in fast if name in clocks] or list(clocks)
     voltage_name = fast[0]
     intervals = {n: float(np.median(np.diff(clocks[n]))) for n in fast if clocks[n].size > 1}
     if not intervals:

@@ -70,7 +70,9 @@ class BareCells:
     def of(cls, delimiter: str, sample: Sequence[str]) -> BareCells:
         """Rewriting for a table, by the cells of its first sample."""
         labels, _, units = zip(*map(_parts, sample), strict=True)
-        return cls(delimiter, labels, units)
+        # One cell such as mode:3 in a table with a header has no name.
+        is_labelled = 2 * sum(map(bool, labels)) > len(labels)
+        return cls(delimiter, labels if is_labelled else ("",) * len(labels), units)
 
     @property
     def header(self) -> tuple[tuple[str, ...], ...]:
@@ -94,7 +96,10 @@ class BareCells:
 
     def block(self, text: bytes) -> bytes:
         """All lines of a block with plain cells."""
-        lines = text.decode("utf-8", "replace").split("\n")
+        try:
+            lines = text.decode("utf-8").split("\n")
+        except UnicodeDecodeError:
+            lines = text.decode("cp1252", "replace").split("\n")
         return "\n".join(map(self.line, lines)).encode()
 
     def _cell(self, cell: str, label: str, unit: str) -> str:

@@ -93,10 +93,12 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
     delimiters = (forced,) if forced else _DELIMITERS
     if (beside := _beside_settings(lines, delimiters)) is not None:
         return beside
-    found = _best_delimiter(lines, delimiters, is_number)
+    found = _best_delimiter(lines, delimiters, lambda cell: is_number(cell) or is_grouped(cell))
     if found is None or 2.0 * found[0] < len(lines):
         affixed = _best_delimiter(lines, delimiters, is_affixed)
-        found = max(filter(None, (found, affixed)), default=None)
+        # Title lines, too, may have numbers with units.
+        if affixed is not None and (found is None or affixed[0] > 2.0 * found[0]):
+            found = affixed
     if found is None:
         raise _no_samples(lines, comments)
     _, delimiter, fields, at = found

@@ -16,7 +16,9 @@ from identification.ingest.units import find_unit
 __all__ = ["stated_interval"]
 
 # A title line that states the interval or the rate, and each number with a unit in it.
-_PACE = re.compile(r"\W*(?:(?:sampl\w*|time|recording)[ _](?:interval|period|rate)|clock)\b", re.I)
+_PACE = re.compile(
+    r"\W*(?:(?:sampl\w*|time|recording)[ _](?:interval|period|rate)|(?P<clock>clock))\b", re.I
+)
 _PACES = re.compile(r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\W{0,3}([a-zµμ/]+)", re.I)
 _RATE = re.compile(r"(?P<prefix>[kMG]?)(?:Hz|Sa?/s)")
 _PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
@@ -25,7 +27,8 @@ _PREFIXES = {"": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
 def stated_interval(titles: Sequence[str]) -> float:
     """Sample interval [s] that title lines state with its unit; NaN if none does or they differ."""
     found = {
-        _seconds(number, unit)
+        # The clock of a processor is a frequency.
+        _seconds(number, unit) if key["clock"] is None or not _RATE.fullmatch(unit) else math.nan
         for title in titles
         if (key := _PACE.match(title)) is not None
         for number, unit in _PACES.findall(title[key.end() :])
