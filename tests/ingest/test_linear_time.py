@@ -18,7 +18,9 @@ from app.commands.arguments import mapping_of
 from identification.errors import InputError
 from identification.ingest import read_mapping, read_run
 from identification.ingest.names import is_units_row, read_header, similar_to
+from identification.ingest.text.bare import is_affixed, is_grouped
 from identification.ingest.text.cells import expected_instead, is_clock, is_number, split_cells
+from identification.ingest.text.interval import stated_interval
 from identification.ingest.units import find_unit, unit_in_another_case
 from tests.ingest.samples import record, write
 
@@ -27,6 +29,12 @@ REPEATED = (" ", "\t", "_", "[", "(", "()", " in", " ,", "aA", "1a", '"', 'a"', 
 TEXTS = (
     *(f"a{part * N}b" for part in REPEATED),
     "a[" + " " * (N // 3) + "b",
+    *(
+        "1" + part * N + tail
+        for part in (".234", ",", "'234", " ")
+        for tail in ("", ",5", " V", "x")
+    ),
+    *("sampling rate " + part * N for part in ("1", "1.", "1 ", "e")),
     "s" + "\N{COMBINING GRAVE ACCENT BELOW}\N{COMBINING COMMA ABOVE RIGHT}" * N,
 )
 READERS: dict[str, Callable[[str], object]] = {
@@ -39,6 +47,10 @@ READERS: dict[str, Callable[[str], object]] = {
     "cells": lambda text: split_cells(text, ","),
     "number": is_number,
     "clock": is_clock,
+    "thousands": is_grouped,
+    "label or unit": is_affixed,
+    "blanks": lambda text: split_cells(text, " "),
+    "interval": lambda text: stated_interval([text]),
     "no number": lambda text: expected_instead(text, "s"),
     "map": lambda text: mapped("current_A=" + text),
 }

@@ -26,7 +26,6 @@ _PARTS = re.compile(
 _GROUPS = re.compile(
     r"[+-]?\d{1,3}(?:(?:\.\d{3})+(?=,)|(?:,\d{3})+(?=\.)|(?:['’\u00a0\u202f]\d{3})+)(?:[.,]\d*)?"
 )
-_SIGNS = re.compile(r"[.,'’\u00a0\u202f](?=.*[.,])|['’\u00a0\u202f]")
 
 
 def _parts(cell: str) -> tuple[str, str, str]:
@@ -35,7 +34,11 @@ def _parts(cell: str) -> tuple[str, str, str]:
     if match is None:
         return "", "", ""
     number, unit = match["number"], match["unit"] or ""
-    number = _SIGNS.sub("", number) if _GROUPS.fullmatch(number) else number
+    if _GROUPS.fullmatch(number):
+        signs = re.sub(r"[^.,]", "", number)
+        # The decimal sign comes last, and only once.
+        number = re.sub(r"['’\u00a0\u202f]", "", number)
+        number = number.replace(signs[0], "") if len(set(signs)) > 1 else number
     known = is_number(number) and (not unit or find_unit(unit) is not None)
     return (match["label"] or "", number, unit) if known else ("", "", "")
 
@@ -47,7 +50,8 @@ def is_affixed(cell: str) -> bool:
 
 def is_grouped(cell: str) -> bool:
     """Return True for a number with thousands separators."""
-    return not is_number(cell) and bool(_GROUPS.fullmatch(_PARTS.sub(r"\g<number>", cell, count=1)))
+    match = None if is_number(cell) else _PARTS.fullmatch(cell)
+    return match is not None and _GROUPS.fullmatch(match["number"]) is not None
 
 
 @dataclass(frozen=True)
