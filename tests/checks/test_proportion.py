@@ -18,7 +18,7 @@ from identification.checks.campaign import admitted
 from identification.checks.consistency import estimate_of
 from identification.ingest import Run, read_run
 from identification.options import FitOptions
-from tests.motors import Excitation, Motor, campaign, motor_named
+from tests.motors import Excitation, Motor, campaign, drive, motor_named, run_of
 
 FOLDER = Path(__file__).parents[2] / "data" / "paper_motor"
 PAPER = [read_run(FOLDER / f"training_{k}.csv") for k in range(1, 5)]
@@ -69,13 +69,39 @@ def test_the_faulty_run_is_set_aside_on_request(channel: str, factor: float, cod
 def test_a_run_that_determines_its_parameters_is_compared_with_those_that_do_not(
     channel: str, factor: float, code: str
 ) -> None:
-    """A multisine determines R and K in two of the four runs; their majority is among all four."""
-    runs = campaign(motor_named("paper"), seed=1, runs=4, kind="multisine")
-    assert {e.is_sound for run in runs if (e := estimate_of(run))} == {False, True}
+    """A multisine determines R and K in one of the four runs, with less noise in all."""
+    for noise in (0.01, 0.004):
+        runs = campaign(motor_named("paper"), seed=1, runs=4, kind="multisine", noise=noise)
+        sound = [e.is_sound for run in runs if (e := estimate_of(run))]
+        assert sound[1]
+        assert all(sound) == (noise < 0.01)
 
-    found = check_runs(with_fault(runs, 1, channel, factor)).findings
+        found = check_runs(with_fault(runs, 1, channel, factor)).findings
 
-    assert [(f.code, f.file) for f in found] == [(code, runs[1].name)]
+        assert [(f.code, f.file) for f in found] == [(code, runs[1].name)]
+
+
+def test_a_run_of_one_direction_is_no_run_of_magnitudes() -> None:
+    """The regression gives a K below zero within its error, as current and speed are in proportion.
+
+    Of seeds 0 to 9, two were refused as unsigned.
+    """
+    for seed in range(10):
+        runs = campaign(motor_named("paper"), seed=seed, runs=4, kind="forward")
+        assert check_runs(runs).refused == (), seed
+
+
+def test_the_time_constant_tells_another_load_from_a_wrong_unit() -> None:
+    """The last run has 9.55 times the friction: voltage per speed is that of a speed in rpm."""
+    motor = motor_named("paper")
+    braked = replace(motor, values=(*motor.values[:5], 9.55 * motor.values[5], motor.values[6]))
+    rng = np.random.default_rng(1)
+    runs = [
+        run_of(m, drive(m, "steps", 1500, rng), np.full(1500, 25.0), np.zeros(2), name=f"{k}.csv")
+        for k, m in enumerate((motor, motor, motor, braked))
+    ]
+
+    assert check_runs(runs).refused == ()
 
 
 def drawn(seed: int) -> Motor:

@@ -26,7 +26,7 @@ UNITS = {
 ROW = {"column": "row", "scale": 0.001}
 
 
-ONE_OF_EACH_KIND = ("graphtec.csv", "owon.csv", "long.csv", "units.csv", "durations.xlsx")
+ONE_OF_EACH_KIND = ("graphtec.csv", "long.csv", "units.csv")
 
 
 @pytest.mark.parametrize(

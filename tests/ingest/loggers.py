@@ -49,7 +49,7 @@ def thousands(group: str, decimal: str) -> str:
     """The record with a speed in deg/s whose numbers have a sign between thousands."""
     lines = []
     for k, row in enumerate(rows()):
-        number = f"{997.5 + k:,.1f}".replace(",", "g").replace(".", decimal).replace("g", group)
+        number = f"{1020.5 - k:,.1f}".replace(",", "g").replace(".", decimal).replace("g", group)
         cells = [str(cell).replace(".", decimal) for cell in row]
         lines.append(";".join([*cells[:3], number, cells[4]]))
     return "\n".join(["time_s;voltage_V;current_A;speed_deg_s;temperature_degC", *lines, ""])
@@ -186,11 +186,23 @@ LOGGERS = (
     device(
         "plotter.txt",
         "labels of a serial plotter, below lines of another kind",
-        "booting the motor board now\nready\n" + with_affixes("{label}:{value}", " "),
+        "ready\n10 20 30 40 50\nbooting the motor board now\n"
+        + with_affixes("{label}:{value}", " "),
         mapping={
             name: {"column": label, "unit": unit}
             for name, label, unit in zip(
                 RECORD, ("t", "U", "I", "n", "T"), ("s", *DEVICE_UNITS), strict=True
+            )
+        },
+    ),
+    device(
+        "blanks.txt",
+        "labels with a blank behind them",
+        with_affixes("{label}_{unit}: {value}", " ").replace("rad/s", "rad_s"),
+        mapping={
+            name: {"column": f"{label}_{unit}"}
+            for name, label, unit in zip(
+                RECORD, "tUInT", ("s", *DEVICE_UNITS[:2], "rad_s", DEVICE_UNITS[3]), strict=True
             )
         },
     ),

@@ -9,6 +9,7 @@ import pytest
 
 from identification import errors
 from identification.ingest import read_run
+from identification.ingest.read import list_columns
 from identification.ingest.several_files import join_files
 from tests.ingest.devices import text
 from tests.ingest.loggers import long, thousands, with_affixes
@@ -55,14 +56,47 @@ def test_cell_unlike_the_first_sample_is_refused(
 
 @pytest.mark.parametrize(("group", "decimal"), [(".", ","), (",", "."), ("'", "."), ("’", ",")])
 def test_separators_between_thousands_are_removed(tmp_path: Path, group: str, decimal: str) -> None:
-    """The speed passes 1,000 deg/s with one decimal, in steps of 1."""
+    """The speed falls below 1,000 deg/s with one decimal, in steps of 1."""
     path = tmp_path / "run.csv"
     path.write_text(thousands(group, decimal), encoding="utf-8")
 
     run = read_run(path)
 
-    np.testing.assert_allclose(np.degrees(run.speed), 997.5 + np.arange(40), rtol=1e-15)
+    np.testing.assert_allclose(np.degrees(run.speed), 1020.5 - np.arange(40), rtol=1e-15)
     assert np.array_equal(run.voltage, RECORD["voltage_V"])
+
+
+def test_separators_in_most_cells_of_the_first_samples_are_removed(tmp_path: Path) -> None:
+    """The first ten samples are above 1,000 in three of four columns, the others below."""
+    path = tmp_path / "run.csv"
+    sizes = [1234.5] * 10 + [-234.5] * 30
+    lines = [f"{k};" + ";".join([f"{x:,.1f}"] * 3) for k, x in enumerate(sizes)]
+    path.write_text("\n".join(["time_ms;voltage_mV;current_mA;speed_deg_s", *lines, ""]))
+
+    np.testing.assert_allclose(1e3 * read_run(path).voltage, sizes, rtol=1e-15)
+
+
+def test_words_above_labelled_lines_are_no_names(tmp_path: Path) -> None:
+    """As many words as there are labels."""
+    path = tmp_path / "run.txt"
+    lines = [f"U:{r[1]} I:{r[2]} n:{r[3]}" for r in rows()]
+    path.write_text("\n".join(["motor board ready", *lines, ""]))
+
+    assert [column.title for column in list_columns(path)] == ["U", "I", "n"]
+
+
+def test_a_time_of_two_columns_has_both_names(tmp_path: Path) -> None:
+    """Neither of them is left over, and either name serves a mapping."""
+    path = tmp_path / "run.csv"
+    path.write_text(CLOCKED)
+
+    run = read_run(path)
+
+    assert run.sources["time_s"].header == "Time, ms"
+    assert "unused_columns" not in {w.code for w in run.warnings}
+    for title in ("Time, ms", "Time"):
+        mapped = read_run(path, mapping={"time_s": {"column": title}})
+        assert np.array_equal(mapped.time, RECORD["time_s"])
 
 
 def test_a_label_without_a_unit_is_no_quantity(tmp_path: Path) -> None:
@@ -153,6 +187,57 @@ def test_a_single_cell_with_a_label_or_a_unit_leaves_the_table_as_it_is(tmp_path
     assert all(np.array_equal(a, RECORD[n]) for n, a in channels(read_run(path)).items())
 
 
+def test_quoted_text_stays_one_cell_beside_numbers_with_units(tmp_path: Path) -> None:
+    """Each line ends with a note that contains the delimiter."""
+    path = tmp_path / "run.csv"
+    head, *lines = UNITS.splitlines()
+    path.write_text("\n".join([f"{head},note", *(f'{line},"cold, dry"' for line in lines), ""]))
+
+    assert all(np.array_equal(a, RECORD[n]) for n, a in channels(read_run(path)).items())
+
+
+def test_title_lines_of_numbers_with_units_are_no_samples(tmp_path: Path) -> None:
+    """Thirty ranges above forty samples, with as many cells."""
+    path = tmp_path / "run.csv"
+    titles = ("0.5 s,5 V,2 A,10 rpm,90 degC",) * 30
+    path.write_text(text((*titles, ",".join(RECORD)), rows()))
+
+    assert all(np.array_equal(a, RECORD[n]) for n, a in channels(read_run(path)).items())
+
+
+def test_times_of_day_do_not_outnumber_the_samples(tmp_path: Path) -> None:
+    """HIOKI without a temperature: date, time and elapsed time beside three numbers."""
+    path = tmp_path / "run.csv"
+    stamps = [f"2026/03/01,08:00:00.{k:03d},00000:00:00.{k:03d}" for k in range(40)]
+    lines = [[stamp, *row[1:4]] for stamp, row in zip(stamps, rows(), strict=True)]
+    path.write_text(text(("Date,Time,ETime,voltage_V,current_A,speed_rad_s",), lines))
+
+    assert np.array_equal(read_run(path).time, RECORD["time_s"])
+
+
+def test_a_clock_in_the_header_is_no_column(tmp_path: Path) -> None:
+    """Rigol has blank cells below its start and increment."""
+    path = tmp_path / "run.csv"
+    head = "voltage_V,current_A,speed_rad_s,t0 = 0.0e+00s,tInc = 1.0e-03s"
+    path.write_text(text((head,), [[*row[1:4], None, None] for row in rows()]))
+
+    titles = [column.title for column in list_columns(path)]
+
+    assert titles == ["voltage_V", "current_A", "speed_rad_s", "time"]
+
+
+def test_a_counter_without_a_name_is_offered_for_no_channel(tmp_path: Path) -> None:
+    """Scopy numbers its rows in a column without a name."""
+    path = tmp_path / "run.csv"
+    path.write_text(text((",Time(s),CH1,CH2,CH3",), [[k, *r[:4]] for k, r in enumerate(rows())]))
+
+    with pytest.raises(errors.MissingColumn) as caught:
+        read_run(path)
+
+    (entries,) = caught.value.examples
+    assert entries["voltage_V"] == {"column": "CH1", "scale": "V_PER_V"}
+
+
 def test_units_in_the_western_windows_encoding_are_read(tmp_path: Path) -> None:
     """The sign of a degree is one byte there."""
     path = tmp_path / "run.csv"
@@ -183,6 +268,7 @@ def test_a_wincc_archive_counts_millionths_of_a_day(tmp_path: Path) -> None:
         ("Sample period: 250 us", 250e-6),
         ('"Sample Interval","0,5","s"', 0.5),
         ("Sampling rate;10 kS/s", 1e-4),
+        ("Horizontal Units,ms\nSample interval,2 ms", 2e-3),
     ],
 )
 def test_interval_of_a_title_line_is_the_clock(

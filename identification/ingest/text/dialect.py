@@ -3,7 +3,8 @@
 The samples determine the dialect.  A line counts as a sample if its first cell is blank, a number
 or a clock time and at least two and more than half of its filled cells are numbers.  Each candidate
 delimiter is scored by the summed fraction of numeric cells over the sample lines with the most
-frequent number of cells; the highest score wins.  The header rows are the lines directly above the
+frequent number of cells; the highest score wins.  Numbers with labels or units (`bare`) count where
+hardly any line has plain ones.  The header rows are the lines directly above the
 first sample with the same number of cells; title lines of an oscilloscope or a logger above them
 are skipped.  Below the first line of names no line is skipped: a line that contains numbers between
 names and samples is a damaged sample and raises an error.
@@ -98,7 +99,8 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
         affixed = _best_delimiter(lines, delimiters, is_affixed)
         # Title lines, too, may have numbers with units.
         if affixed is not None and (found is None or affixed[0] > 2.0 * found[0]):
-            found = affixed
+            score, delimiter, fields, at = affixed
+            found = (score, delimiter, fields, _first_usual(lines, delimiter, fields, at))
     if found is None:
         raise _no_samples(lines, comments)
     _, delimiter, fields, at = found
@@ -134,6 +136,14 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
         tuple(split_cells(lines[at].text, delimiter)),
         bare=bare,
     )
+
+
+def _first_usual(lines: list[Line], delimiter: str, fields: int, at: int) -> int:
+    """Index of the first line, from `at` on, with the labels and units of most lines."""
+    rows = {k: split_cells(line.text, delimiter) for k, line in enumerate(lines) if k >= at}
+    kinds = {k: BareCells.of(delimiter, c) for k, c in rows.items() if len(c) == fields}
+    usual, _ = Counter(kinds.values()).most_common(1)[0]
+    return next(k for k, kind in kinds.items() if kind == usual)
 
 
 def _bare_cells(lines: list[Line], delimiter: str, fields: int) -> BareCells | None:

@@ -74,10 +74,13 @@ class TextTable:
         named = [c for c in columns if c.texts or c.unit_texts or layout.sample[c.index]]
         self.columns = [_with_clock(column, layout.sample) for column in named]
         if layout.bare is not None and layout.bare.clock >= 0:
-            part = layout.bare.part
+            (part,) = (c for c in self.columns if c.index == layout.bare.part)
             self.columns = [
-                dataclasses.replace(c, quantities=frozenset()) if c.index == part else c
+                dataclasses.replace(c, texts=(f"{c.title}, {part.title}", *c.texts))
+                if c.index == layout.bare.clock
+                else c
                 for c in self.columns
+                if c is not part
             ]
         self._layout = layout
         self._blocks = blocks
