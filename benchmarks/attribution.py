@@ -34,8 +34,9 @@ from benchmarks.tables import tables
 from identification.effects.catalogue import CATALOGUE
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.evaluate import simulate_unseen
-from identification.fit.noise import effective_fraction, with_noise_model
+from identification.fit.noise import with_noise_model
 from identification.fit.solve import Fit
 from identification.options import EFFORTS
 from identification.posterior.density import Posterior

@@ -27,9 +27,10 @@ from identification.effects.catalogue import CATALOGUE
 from identification.errors import ComputationError, InputError, OptionError
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
+from identification.fit.effective_samples import effective_fraction, scattered_fraction
 from identification.fit.gains import GainRatio, current_gains, with_one_gain
 from identification.fit.knowledge import Knowledge
-from identification.fit.noise import effective_fraction, with_noise_model
+from identification.fit.noise import with_noise_model
 from identification.fit.solve import Fit
 from identification.fit.voltage import with_smooth_voltage
 from identification.identified import Identified
@@ -204,7 +205,7 @@ def _identified(
     closed, contradicted = knowledge.joined_to(closed)
     opened = with_linear_parts(closed)
     final = closed if opened is closed else with_noise_model(opened)
-    fraction = effective_fraction(closed)
+    fraction = min(effective_fraction(closed), scattered_fraction(closed))
     changed = outcome is not None and bool(outcome.effects)
     left = localise(final) if found and changed else found
     analysis = ResidualAnalysis(campaign, declared, final, outcome, left)

@@ -16,7 +16,8 @@ from benchmarks.calibration.statistics import coverage, uniformity
 from benchmarks.calibration.withheld import both_measured, comparison
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
-from identification.fit.noise import effective_fraction, with_noise_model
+from identification.fit.effective_samples import effective_fraction
+from identification.fit.noise import with_noise_model
 from identification.ingest.given import run_of
 from identification.posterior.density import Posterior
 from tests.motors import NAMES

@@ -22,8 +22,8 @@ from scipy import fft, signal, stats
 from identification.arrays import Array
 from identification.diagnosis.residual import cross_correlation, lagged_products
 from identification.fit.autoregression import autoregression, spectrum
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.evaluate import Simulated
-from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.linear import eigh, least_squares
 from identification.model.excitation import Record

@@ -18,9 +18,9 @@ from identification.arrays import Array
 from identification.errors import ComputationError
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.evaluate import simulate_fitted, simulate_unseen
 from identification.fit.identifiability import identified
-from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.quantities import DECLARED_PARAMETERS

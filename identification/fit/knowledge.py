@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import norm
 
 from identification.arrays import Array
-from identification.fit.noise import effective_fraction
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.solve import Fit, solve
 from identification.known import Prior
 from identification.linear import solution

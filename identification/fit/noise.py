@@ -34,11 +34,16 @@ from scipy import signal, stats
 
 from identification.arrays import Array
 from identification.fit.autoregression import LARGEST_ORDER, autoregression, lag_products
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.solve import Fit, TerminationLimits, continued
-from identification.linear import eigh, root, solution
+from identification.linear import root, solution
 from identification.model.weighting import Weighting
 
-__all__ = ["effective_fraction", "noise_deviation", "student_weights", "with_noise_model"]
+__all__ = [
+    "noise_deviation",
+    "student_weights",
+    "with_noise_model",
+]
 
 _LARGEST_RISE: Final = 0.1
 _LEG: Final = 4
@@ -208,75 +213,3 @@ def noise_deviation(fit: Fit) -> Array:
             kept = [signal.lfilter(taps, [1.0], series)[taps.size - 1 :] for series in kept]
         found[channel] = np.sqrt(np.mean(np.concatenate(kept) ** 2))
     return found
-
-
-def effective_fraction(fit: Fit) -> float:
-    """Effective sample fraction: independent samples over all samples, at most one.
-
-    With residuals e, weights w and sensitivities a, the fit solves sum a w e = 0.  Its covariance
-    is the sandwich H^-1 M H^-1.  M is the covariance of the gradient, in which w e may be
-    autocorrelated.  H = E[d(w e)/de] A is the mean slope of the gradient.  A = sum w a a' is the
-    information matrix, and A^-1 the plain covariance of the fit.  The fraction is the geometric
-    mean, over the directions of the parameters, of the ratio of the plain covariance to the
-    sandwich.  For white noise and correct Student-t weights it is (freedom + 1) / (freedom + 3),
-    the information about a location parameter.
-
-    Source:
-        White, Econometrica 48 (1980) 817-838; Huber, Ann. Math. Statist. 35 (1964) 73-101.
-    """
-    weighting, n = fit.weighting, fit.position.size
-    weights = [weighting.sample_weights(k) for k in range(len(weighting.records))]
-    filters = _weighted_filters(fit, weights)
-    slopes = [_mean_slope([each[:, channel] for each in weights]) for channel in range(2)]
-    plain, curvature, gradient = (np.zeros((n, n)) for _ in range(3))
-    ends: dict[tuple[int, int], Array] = {}
-    for block in fit.equations.derivatives.blocks(weighting.order):
-        for channel, (taps, power) in enumerate(filters):
-            weight = weights[block.record][block.samples, channel][block.lead :, None]
-            deviation = float(weighting.deviation[channel])
-            whitened = weighting.whitened(block.tangent[:, channel, :n], channel)[block.lead :]
-            scaled = whitened * np.sqrt(weight) / deviation
-            own = scaled.T @ scaled
-            plain += own
-            curvature += slopes[channel] * own
-            key = (block.record, channel)
-            begin = ends.get(key, np.zeros((taps.size - 1, n)))
-            counted = whitened * (weight > 0) * (power / deviation**2)
-            # Its Gram matrix is the covariance of the gradient, except at the ends of a record.
-            spread, ends[key] = signal.lfilter([1.0], taps, counted, axis=0, zi=begin)
-            gradient += spread.T @ spread
-    prior = np.diag(1.0 / fit.coordinates.prior_sd**2) + 1e-12 * np.diag(np.diag(plain))
-    factor = root(plain + prior)
-    turned = solution(curvature + prior, factor)
-    ratios, _ = eigh(turned.T @ (gradient + prior) @ turned)
-    inflation = float(np.exp(np.mean(np.log(np.maximum(ratios, 1e-12)))))
-    return 1.0 / max(inflation, 1.0)
-
-
-def _weighted_filters(fit: Fit, weights: Sequence[Array]) -> list[tuple[Array, float]]:
-    """For each channel the filter that whitens its weighted residuals, and the RMS innovation."""
-    residuals = fit.residuals()
-    found = []
-    for channel in range(2):
-        series = [
-            weight[:, channel] * fit.weighting.whitened(residual[:, channel], channel)
-            for weight, residual in zip(weights, residuals, strict=True)
-        ]
-        taps = autoregression(series)
-        squares = [np.sum(signal.lfilter(taps, [1.0], each) ** 2) for each in series]
-        power = float(np.sqrt(np.sum(squares) / sum(each.size for each in series)))
-        found.append((taps, power))
-    return found
-
-
-def _mean_slope(weights: Sequence[Array]) -> float:
-    """Mean of d(w e)/de over the mean of w, for Student-t weights w = (f + 1) / (f + z^2).
-
-    The largest weight is (f + 1) / f.  The slope is w (2 w f / (f + 1) - 1), which depends on the
-    weights alone.
-    """
-    stacked = np.concatenate(weights)
-    largest, mean = float(stacked.max()), float(stacked.mean())
-    if not largest > 1.0:
-        return 1.0
-    return float(np.mean(stacked * (2.0 * stacked / largest - 1.0))) / mean

@@ -15,8 +15,8 @@ import numpy as np
 
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.evaluate import voltage_noise_power
-from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.model.composite import Hold

@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.errors import ComputationError
-from identification.fit.noise import effective_fraction
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_scale_drawn
 from identification.options import EFFORTS, FitOptions

@@ -34,9 +34,9 @@ from identification.design.models import TYPICAL_ELECTRICAL_S
 from identification.diagnosis.residual import pooled_errors
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.gains import current_gains, with_one_gain
 from identification.fit.identifiability import precision_of
-from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.declared import DECLARED
 from identification.model.excitation import Record, sample_interval

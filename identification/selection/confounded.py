@@ -47,8 +47,8 @@ from identification.effects.effect import AbstractEffect, Candidate
 from identification.effects.friction import CoulombFriction
 from identification.effects.parameters import columns
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.identifiability import identified
-from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit, TerminationLimits, continued, solve
 from identification.model.excitation import Record, sample_interval
 from identification.model.parameter import Coordinates

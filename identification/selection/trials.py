@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
-from identification.fit.noise import effective_fraction
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.order_tracking import is_tracked
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed
 from identification.fit.tracked_fit import retracked

@@ -12,7 +12,7 @@ from identification import FitOptions, identify
 from identification.checks.campaign import check_runs
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
-from identification.fit.noise import effective_fraction
+from identification.fit.effective_samples import effective_fraction
 from identification.ingest.run import Run
 from identification.selection.confounded import unresolved_transients
 from identification.selection.omitted import consider_variances

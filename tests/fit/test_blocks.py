@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -10,7 +11,7 @@ import pytest
 
 from identification.fit import derivatives, normal_equations
 from identification.fit.declared import fit_declared
-from identification.fit.noise import effective_fraction
+from identification.fit.effective_samples import effective_fraction, scattered_fraction
 from identification.fit.solve import Fit, solve
 from identification.model.excitation import records_of
 from identification.model.tangent import tangent_blocks
@@ -73,8 +74,9 @@ def test_curvature_along_a_step_is_that_of_whole_records(monkeypatch: pytest.Mon
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
 
 
+@pytest.mark.parametrize("share", [effective_fraction, scattered_fraction])
 def test_the_share_of_independent_samples_is_that_of_whole_records(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, share: Callable[[Fit], float]
 ) -> None:
     """The filter state carries over between blocks; only the order of summation differs.
 
@@ -84,10 +86,10 @@ def test_the_share_of_independent_samples_is_that_of_whole_records(
     fit = servo_fit()
     adding = np.array([1.0, 0.8])
     fit = replace(fit, weighting=replace(fit.weighting, whitening=(adding, adding)))
-    expected = effective_fraction(fit)
+    expected = share(fit)
     in_blocks(monkeypatch, 600)
 
-    assert effective_fraction(fit.light()) == pytest.approx(expected, rel=1e-9)
+    assert share(fit.light()) == pytest.approx(expected, rel=1e-9)
     assert expected < 0.9
 
 

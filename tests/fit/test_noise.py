@@ -11,7 +11,8 @@ from scipy.signal import lfilter
 
 from identification.fit.autoregression import LARGEST_ORDER, autoregression, lag_products
 from identification.fit.declared import fit_declared
-from identification.fit.noise import effective_fraction, with_noise_model
+from identification.fit.effective_samples import effective_fraction
+from identification.fit.noise import with_noise_model
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.model.excitation import records_of

@@ -11,8 +11,8 @@ import pytest
 from bench import EffectRequest, make_campaign
 from identification.effects.friction import CoulombFriction
 from identification.fit.declared import fit_declared
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.identifiability import identified
-from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.model.excitation import records_of

@@ -11,7 +11,8 @@ from scipy.interpolate import CubicSpline
 
 from bench import Campaign, EffectRequest, make_campaign
 from identification.fit.declared import fit_declared
-from identification.fit.noise import effective_fraction, with_noise_model
+from identification.fit.effective_samples import effective_fraction
+from identification.fit.noise import with_noise_model
 from identification.fit.solve import Fit
 from identification.selection.curve_detail import DETAIL_RATIO, bumps, curve_details
 from identification.selection.omitted import consider_variances

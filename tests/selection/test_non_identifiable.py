@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bench import EffectRequest, make_campaign
 from identification.effects.friction import CoulombFriction
 from identification.fit.declared import fit_declared
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.identifiability import identified
-from identification.fit.noise import effective_fraction
 from identification.fit.solve import Fit
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator

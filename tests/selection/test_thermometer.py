@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
-from identification.fit.noise import effective_fraction
+from identification.fit.effective_samples import effective_fraction
 from identification.fit.solve import Fit
 from identification.ingest.run import Run
 from identification.selection.omitted import consider_variances
