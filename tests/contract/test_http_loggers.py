@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
+from tests.app.pending import Page
 from tests.app.service import Caller, Server
-from tests.contract.test_http_pending import Page
 from tests.ingest.loggers import LOGGERS
 from tests.ingest.writers import RECORD, Specimen, rows
 
