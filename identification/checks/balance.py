@@ -24,6 +24,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array, Bool, Index
+from identification.differences import difference_noise
 from identification.ingest.run import Run
 from identification.linear import solution
 
@@ -56,10 +57,8 @@ _NOISE_WINDOW: Final = 16
 _NOISE_TIMES: Final = 4.0
 _CONSTANT: Final = 0.01
 """Standard deviation of a voltage that is constant for the motor, relative to its mean."""
-_NORMAL_MEDIAN: Final = 0.6745
-"""Median of the magnitude of a standard normal variable."""
-_FOURTH: Final = 70.0
-"""Variance of the fourth differences of white noise, over its own: binomial coefficient 8, 4."""
+_ORDER: Final = 4
+"""Order of the differences in which a signal is nothing but its white noise."""
 _RIDGE: Final = 1e-12
 """Regularisation per sample of `predicted`, whose regressors have a mean square of one."""
 
@@ -292,7 +291,7 @@ def _windows(signals: Signals, length: int) -> Windows:
 def balances_of(signals: Signals) -> list[Balance]:
     """The balances over each of `windows_of`."""
     v, i, w = signals.voltage, signals.current, signals.speed
-    i_noise, w_noise = _white(i), _white(w)
+    i_noise, w_noise = (difference_noise([x], _ORDER) ** 2 for x in (i, w))
     found = []
     for windows in windows_of(signals):
         count = float(np.median(np.diff(windows.edges)))
@@ -301,14 +300,6 @@ def balances_of(signals: Signals) -> list[Balance]:
         means, rates = [windows.mean(x) for x in (v, i, w)], [windows.rate(x) for x in (i, w)]
         found.append(Balance(means[0], means[1], means[2], rates[0], rates[1], noise))
     return found
-
-
-def _white(signal: Array) -> float:
-    """Variance of the white noise of a signal (n_sample,), by its fourth differences.
-
-    The median ignores the steps of a voltage.
-    """
-    return float(np.median(np.abs(np.diff(signal, 4))) / _NORMAL_MEDIAN) ** 2 / _FOURTH
 
 
 def reverses(signal: Array) -> bool:

@@ -27,6 +27,7 @@ import numpy as np
 from identification.arrays import Array, Bool
 from identification.checks.balance import Signals, predicted, signals_of
 from identification.checks.finding import Finding
+from identification.differences import difference_noise
 from identification.ingest.run import Run
 
 __all__ = [
@@ -184,10 +185,9 @@ def coasting_finding(run: Run, coasting: CurrentLimit) -> Finding:
 
 def _noise(signal: Array) -> float:
     """Standard deviation of the noise, from second differences, or of the rounding [A]."""
-    twice = float(np.median(np.abs(np.diff(signal, 2)))) / (0.6745 * np.sqrt(6.0))
     steps = np.abs(np.diff(signal))
     step = float(np.min(steps, where=steps > 0.0, initial=np.inf))
-    return max(twice, step / np.sqrt(12.0)) if np.isfinite(step) else 0.0
+    return max(difference_noise([signal], 2), step / np.sqrt(12.0)) if np.isfinite(step) else 0.0
 
 
 def _level(signal: Array, noise: float) -> float:

@@ -34,7 +34,7 @@ from identification.arrays import Array
 from identification.diagnosis.deviation import Deviation, Piece
 from identification.diagnosis.filtering import HYPER, likelihood
 from identification.diagnosis.maximise import maximise
-from identification.fit.sensors import difference_noise
+from identification.differences import difference_noise
 
 __all__ = ["Hyperparameters", "longest_correlation_time", "p_value_of", "maximum_likelihood"]
 

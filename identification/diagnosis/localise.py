@@ -48,7 +48,7 @@ from identification.diagnosis.intensities import (
 )
 from identification.diagnosis.outliers import with_outliers_weighted
 from identification.diagnosis.smoothing import smoothed_disturbances
-from identification.fit.sensors import difference_noise
+from identification.differences import difference_noise
 from identification.fit.solve import Fit
 
 __all__ = ["LEVEL", "Deficiency", "Localisation", "Missing", "localise", "smoothed_terms"]

@@ -14,19 +14,19 @@ The rounding of a quantised signal is such a noise only if it does not persist f
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array
+from identification.differences import difference_noise
 from identification.ingest.run import Run
 from identification.model.excitation import Record
 from identification.model.quantisation import stays, step_of
 from identification.warning import ResultWarning
 
-__all__ = ["bounded_noise", "coarse_warnings", "difference_noise", "noise_ceiling"]
+__all__ = ["bounded_noise", "coarse_warnings", "noise_ceiling"]
 
 _MARGIN: Final = 1.5
 _ROWS: Final = 50_000
@@ -86,13 +86,6 @@ def _left(target: Array, *others: Array) -> float:
     matrix /= np.where(scale > 0.0, scale, 1.0)
     values, *_ = np.linalg.lstsq(matrix, target[first:], rcond=1e-10)
     return float(np.mean((target[first:] - matrix @ values) ** 2))
-
-
-def difference_noise(signals: Iterable[Array], order: int) -> float:
-    """Noise of a sensor from the median of differences, which ignores steps; 0 if too short."""
-    differences = np.abs(np.concatenate([np.diff(signal, order) for signal in signals]))
-    gain = 0.6745 * math.sqrt(math.comb(2 * order, order))
-    return float(np.median(differences)) / gain if differences.size else 0.0
 
 
 def coarse_warnings(runs: Sequence[Run], noise: Array) -> tuple[ResultWarning, ...]:

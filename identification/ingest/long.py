@@ -23,7 +23,7 @@ from identification.ingest.file import RunFile
 from identification.ingest.formats.clocks import Signal, SignalTable
 from identification.ingest.names import is_channel_name
 from identification.ingest.run import RunWarning
-from identification.ingest.text.blocks import Block, Splitter
+from identification.ingest.text.blocks import Splitter
 from identification.ingest.text.cells import (
     ClockTimes,
     is_time_of_day,
@@ -70,7 +70,7 @@ class LongReader:
             NotANumber: A time is neither a number nor a time of day.
         """
         blocks = list(Splitter(file.limits).split(file.chunks()))
-        lines = (one for block in blocks for one in enumerate(_texts(block), block.first_line))
+        lines = (one for block in blocks for one in enumerate(block.lines, block.first_line))
         header = next(filter(None, (_header(line) for _, line in lines)))
         rows = {n: split_cells(line, header.delimiter) for n, line in lines if line.strip()}
         if not rows:
@@ -103,10 +103,6 @@ class LongReader:
             for name, values in signals.items()
         ]
         return SignalTable(found, file.name, warnings, unit)
-
-
-def _texts(block: Block) -> list[str]:
-    return block.text.decode("utf-8", "replace").split("\n")
 
 
 def _header(line: str) -> _Header | None:

@@ -136,6 +136,8 @@ class Operations:
         if operation == ca.OP_DIV and operands[1].stage != stage:
             inverse = self._reciprocal(operands[1])
             return self.operation(ca.OP_MUL, [operands[0], inverse])
+        if operation == ca.OP_IF_ELSE_ZERO:
+            return self.choice(operands[0], operands[1], _literal(0.0))
         kind, mask = (_SCALAR, "i1") if stage == "shared" else (self.vector, f"<{self.lanes} x i1>")
         names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
         if operation in _BINARY:
@@ -218,9 +220,6 @@ class Operations:
             right = emit(f"fcmp une {kind} {names[1]}, {number(0.0)}")
             bit = emit(f"{word} {mask} {left.name}, {right.name}")
             return emit(f"uitofp {mask} {bit.name} to {kind}")
-        if operation == ca.OP_IF_ELSE_ZERO:
-            bit = emit(f"fcmp une {kind} {first}, {number(0.0)}")
-            return emit(f"select {mask} {bit.name}, {kind} {names[1]}, {kind} {number(0.0)}")
         raise ComputationError(
             f"operation {operation} of a model has no translation; expected arithmetic, exp, log, "
             "sin, cos, tanh, sqrt, powers, comparisons or if_else: write the term with those"

@@ -312,3 +312,16 @@ def test_a_logged_time_precedes_the_interval_of_a_title_line(tmp_path: Path) -> 
     path.write_text(text(("Recording interval,1 s", ",".join(RECORD)), rows()))
 
     assert all(np.array_equal(a, RECORD[n]) for n, a in channels(read_run(path)).items())
+
+
+def test_signals_of_a_windows_file_keep_their_names_and_units(tmp_path: Path) -> None:
+    """One signal per row, with an umlaut and a degree sign as single bytes."""
+    path = tmp_path / "run.csv"
+    content = LONG.replace("Speed", "Läuferdrehzahl").replace("degC", "°C")
+    path.write_bytes(content.encode("cp1252"))
+
+    found = {column.title: column.unit for column in list_columns(path)}
+
+    assert "Läuferdrehzahl" in found
+    assert found["Temperature"] is not None
+    assert found["Temperature"].name == "degC"

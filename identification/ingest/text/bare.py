@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import is_number, split_cells
 from identification.ingest.units import find_unit
 
@@ -98,13 +99,9 @@ class BareCells:
         is_within = whole.isdigit() and len(whole) <= self.digits or whole in ("", "0")
         return whole.zfill(self.digits)[: self.digits] + rest if is_within else ""
 
-    def block(self, text: bytes) -> bytes:
+    def block(self, block: Block) -> Block:
         """All lines of a block with plain cells."""
-        try:
-            lines = text.decode("utf-8").split("\n")
-        except UnicodeDecodeError:
-            lines = text.decode("cp1252", "replace").split("\n")
-        return "\n".join(map(self.line, lines)).encode()
+        return replace(block, text="\n".join(map(self.line, block.lines)).encode())
 
     def _cell(self, cell: str, label: str, unit: str) -> str:
         found, number, of = _parts(cell)

@@ -28,6 +28,14 @@ class Block:
     terminated: bool = True
     """False for the last block of a file whose last line has no line end."""
 
+    @property
+    def lines(self) -> list[str]:
+        """The lines as text; bytes that are no UTF-8 are those of Windows, in header texts."""
+        try:
+            return self.text.decode("utf-8").split("\n")
+        except UnicodeDecodeError:
+            return self.text.decode("cp1252", "replace").split("\n")
+
     def from_line(self, line: int) -> Block:
         """Remainder of the block, beginning at a line number of the file."""
         at = 0

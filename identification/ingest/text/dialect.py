@@ -184,12 +184,7 @@ def _preview(block: Block) -> tuple[list[Line], list[Line], str | None]:
     raw = block.text.split(b"\n", _PREVIEW_LINES)
     if len(raw) > _PREVIEW_LINES or block.terminated:
         raw.pop()
-    content = b"\n".join(raw)
-    try:
-        texts = content.decode("utf-8").split("\n")
-    except UnicodeDecodeError:
-        # Other encodings affect header texts only.
-        texts = content.decode("cp1252", "replace").split("\n")
+    texts = replace(block, text=b"\n".join(raw)).lines
     lines: list[Line] = []
     comments: list[Line] = []
     forced = None

@@ -97,7 +97,7 @@ class TextTable:
         reader = SampleReader(self._layout, cells)
         bare = self._layout.bare
         for block in self._blocks:
-            reader.add(dataclasses.replace(block, text=bare.block(block.text)) if bare else block)
+            reader.add(bare.block(block) if bare else block)
         reader.faults.refuse()
         if not reader.lines.total:
             raise NoRows(
