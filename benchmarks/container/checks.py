@@ -152,10 +152,10 @@ def _uploaded(client: Client) -> list[Run]:
 
 
 def _begun(client: Client) -> FitState:
-    """Start a fit that takes longer than the limit of a stop."""
+    """Start a fit that takes longer than the limit of a stop, and wait for its first stage."""
     fit = client.fit(_uploaded(client))
     deadline = time.monotonic() + 600
-    while not client.show_fit(fit).content["progress"] and time.monotonic() < deadline:
+    while client.show_fit(fit).status == "queued" and time.monotonic() < deadline:
         time.sleep(0.05)
     return fit
 
