@@ -99,7 +99,8 @@ def _print(
     for finding in findings:
         verdict = "Contradiction" if finding["severity"] == "refuse" else "Suspicion"
         place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)
-        console.print(f"{verdict}: {place}: {finding['message']}", style="yellow", soft_wrap=True)
+        words = ": ".join(word for word in (verdict, place, finding["message"]) if word)
+        console.print(words, style="yellow", soft_wrap=True)
         for correction in finding["corrections"]:
             console.print(f"  correct it with --map {shlex.quote(correction)}", soft_wrap=True)
     if content["parameters"]:

@@ -16,7 +16,7 @@ of a channel leaves J / b as it is and scales G and H by factors that name the c
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median_low
 from typing import Final
@@ -47,6 +47,9 @@ _FEW_WINDOWS: Final = 3.0
 _NAMED: Final = math.log(1.35)
 _NAMED_RESISTANCE: Final = math.log(1.6)
 _TIME: Final = math.log(1.6)
+
+_COEFFICIENTS: Final = (("Kt", "V s/rad"), ("Ra", "ohm"))
+_GAINS: Final = (("voltage per speed", "V s/rad"), ("voltage per current", "V/A"))
 
 _SCALES: Final = (
     ("speed_rad_s", 60.0 / (2.0 * math.pi), "rpm"),
@@ -113,11 +116,7 @@ class Estimate:
 def estimate_of(run: Run) -> Estimate | None:
     """Coefficients of a run; None if it is too short or its signals are constant."""
     balances = balances_of(signals_of(run))
-    fits = [
-        (e, m, b)
-        for b in balances
-        if (e := b.electrical) is not None and (m := b.mechanical) is not None
-    ]
+    fits = [(e, m, b) for b in balances if (e := b.electrical) and (m := b.mechanical)]
     if not fits:
         return None
     e, m, best = min(fits, key=lambda fit: fit[0].missed)
@@ -159,7 +158,7 @@ def _sound_findings(sound: Sequence[Estimate]) -> list[Finding]:
     centre = median_low(e.constant for e in sound), median_low(e.resistance for e in sound)
     odd = [e for e in sound if _is_odd(e, *centre)]
     if 2 * len(odd) >= len(sound):
-        return [_divided(sound)]
+        return [_divided({e: (e.constant, e.resistance) for e in sound}, _COEFFICIENTS)]
     fitting = [e for e in sound if e not in odd]
     late = [(e, ratio) for e in fitting if (ratio := _time_ratio(e, sound)) is not None]
     return [_odd_finding(e, fitting) for e in odd] + [_time_finding(e, r, sound) for e, r in late]
@@ -179,7 +178,10 @@ def _proportion_findings(alike: Sequence[Estimate]) -> list[Finding]:
             found.append(_scale_finding(e, *named, ratio=constant))
         elif min(gain, constant) < 0.0:
             found.append(_sign_finding(e, gain, constant))
-    return found if 2 * len(found) < len(alike) else []
+    if 2 * len(found) < len(alike) or not found:
+        return found
+    gains = {e: (abs(e.proportion[1]), abs(e.proportion[0])) for e in alike if e.proportion}
+    return [_divided(gains, _GAINS, [f for f in found if f.code == "reversed_channel"])]
 
 
 def _sign_finding(e: Estimate, gain: float, constant: float) -> Finding:
@@ -272,42 +274,52 @@ def _scale_finding(e: Estimate, channel: str, s: float, unit: str, *, ratio: flo
     )
 
 
-def _divided(sound: Sequence[Estimate]) -> Finding:
-    """Finding for runs that fall into groups without a majority."""
-    low, high = (min(sound, key=lambda e: e.constant), max(sound, key=lambda e: e.constant))
-    if high.constant / low.constant < math.exp(_CONSTANT):
-        low = min(sound, key=lambda e: e.resistance)
-        high = max(sound, key=lambda e: e.resistance)
-    corrections: tuple[str, ...] = ()
+def _divided(
+    values: Mapping[Estimate, tuple[float, float]],
+    words: tuple[tuple[str, str], tuple[str, str]],
+    reversed_: Sequence[Finding] = (),
+) -> Finding:
+    """Finding for runs in groups without a majority; their values scale as Kt and Ra.
+
+    `words` are names and units of the values, `reversed_` findings of signs unlike the others.
+    """
+    ratios = [max(each) / min(each) for each in zip(*values.values(), strict=True)]
+    k = 0 if ratios[0] >= math.exp(_CONSTANT) else 1
+    low, high = (chosen(values, key=lambda e: values[e][k]) for chosen in (min, max))
+    corrections: list[str] = []
     hint = "use runs of one motor, recorded in the same units"
+    if reversed_:
+        low = next(e for e in values if e.run.name == reversed_[0].file)
+        high = next(e for e in values if e.run.name not in {f.file for f in reversed_})
+        hint = f"{reversed_[0].column} has opposite signs in them"
     for one, other in ((low, high), (high, low)):
-        named = scale_of(one.constant / other.constant, one.resistance / other.resistance)
+        named = scale_of(*(a / b for a, b in zip(values[one], values[other], strict=True)))
         # A forgotten unit is usually a small one, so that the numbers are too large.
         if named is not None and named[1] > 1.0:
-            corrections = (factor(one.run, named[0], 1.0 / named[1]),)
+            corrections.append(factor(one.run, named[0], 1.0 / named[1]))
             hint = f"{named[0]} of {one.run.name} may be in {named[2] or 'another unit'}"
             break
+
+    def described(e: Estimate) -> str:
+        each = zip(words, values[e], strict=True)
+        return f"{e.run.name} ({', '.join(f'{n} {value:.3g} {u}' for (n, u), value in each)})"
+
     return Finding(
         "contradicting_runs",
         "refuse",
         "",
         None,
-        f"{_described(low)} and {_described(high)} contradict each other, and no majority of the "
+        f"{described(low)} and {described(high)} contradict each other, and no majority of the "
         f"runs decides between them; {hint}",
-        "ratio of the largest Kt to the smallest",
-        max(e.constant for e in sound) / min(e.constant for e in sound),
+        f"ratio of the largest {words[0][0]} to the smallest",
+        ratios[0],
         math.exp(_CONSTANT),
-        corrections,
+        tuple(corrections),
     )
 
 
-def _described(e: Estimate) -> str:
-    """Name of a run with its coefficients."""
-    return f"{e.run.name} (Kt {e.constant:.3g} V s/rad, Ra {e.resistance:.3g} ohm)"
-
-
 def _time_ratio(e: Estimate, sound: Sequence[Estimate]) -> float | None:
-    """Factor by which interval and inertia are off if the time of a run has another unit."""
+    """Factor of interval and inertia if the time of a run has another unit."""
     others = [o for o in sound if o is not e and o.inertia > 0.0]
     if not others or not e.inertia > 0.0 or not e.inertia_error < 1.0 / _ERRORS:
         return None

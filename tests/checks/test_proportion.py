@@ -57,6 +57,29 @@ def test_a_wrong_scale_or_sign_in_one_run_of_four_is_refused_with_its_correction
 
 
 @ONE_OF_EACH
+@pytest.mark.parametrize("count", [2, 4])
+def test_half_of_the_runs_with_a_wrong_scale_or_sign_contradict_the_other_half(
+    count: int, channel: str, factor: float, code: str
+) -> None:
+    """No majority: a sign may be wrong in either half; of two units the smaller is assumed."""
+    runs = PAPER[:count]
+    for k in range(count // 2):
+        runs = with_fault(runs, k, channel, factor)
+
+    refused = check_runs(runs).refused
+
+    if code == "scaled_channel":
+        (finding,) = refused
+        assert finding.code == "contradicting_runs"
+        (correction,) = finding.corrections
+        assert correction.partition(":")[0] in {run.name for run in runs[: count // 2]}
+        assert correction.partition(":")[2].startswith(f"{channel}_{UNITS[channel]}=")
+    else:
+        assert {f.code for f in refused} <= {"contradicting_runs", "reversed_channel"}
+        assert any("opposite signs" in f.message or f.column for f in refused)
+
+
+@ONE_OF_EACH
 def test_the_faulty_run_is_set_aside_on_request(channel: str, factor: float, code: str) -> None:
     """The three sound runs are fitted."""
     found = admitted(with_fault(PAPER, 3, channel, factor), [], FitOptions(set_aside=True))
