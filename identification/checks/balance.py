@@ -11,7 +11,8 @@ offsets v0 and m have their own regressors and do not bias the other coefficient
 Standard errors come from a jackknife over contiguous blocks, which is valid for autocorrelated
 residuals (Kunsch, Annals of Statistics 17 (1989), 1217-1241).  Noise of the regressors biases
 regressors that are nearly collinear, which no residual shows (errors in variables); the standard
-errors include this bias.
+errors include this bias.  R and K that change with the temperature bias them too; a regression with
+R and K linear in it shows how much.
 """
 
 from __future__ import annotations
@@ -59,6 +60,8 @@ _CONSTANT: Final = 0.01
 """Standard deviation of a voltage that is constant for the motor, relative to its mean."""
 _ORDER: Final = 4
 """Order of the differences in which a signal is nothing but its white noise."""
+_WARMS: Final = 2.0
+"""Range of a logged temperature that is more than the steps of a thermometer [K]."""
 _RIDGE: Final = 1e-12
 """Regularisation per sample of `predicted`, whose regressors have a mean square of one."""
 
@@ -78,6 +81,8 @@ class Signals:
     joined: Bool
     """(n_sample - 1,) False for an interval that crosses a gap of the record or touches a saturated
     sample."""
+    warmth: Array
+    """(n_sample,) what R and K may change with: temperature, or time where none is logged [-]."""
 
 
 def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
@@ -91,12 +96,15 @@ def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
     for name in ("current_A", "speed_rad_s"):
         if name in run.clipped:
             joined &= ~(run.clipped[name][1:] | run.clipped[name][:-1])
+    logged = run.temperature is not None and float(np.ptp(run.temperature)) > _WARMS
+    warmth = run.temperature if run.temperature is not None and logged else run.time
     return Signals(
         run.time[:samples],
         run.voltage[:samples],
         run.between_updates("current_A")[:samples],
         run.between_updates("speed_rad_s")[:samples],
         joined[: samples - 1],
+        (warmth[:samples] - warmth.mean()) / max(float(np.ptp(warmth)), 1e-300),
     )
 
 
@@ -215,13 +223,23 @@ class Balance:
     """(n_window,) [A/s]."""
     speed_rate: Array
     """(n_window,) [rad/s^2]."""
+    warmth: Array
+    """(n_window,) means [-]."""
     noise: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Variance of the white noise of current, speed, current rate and speed rate."""
 
     @cached_property
     def electrical(self) -> Regression | None:
         """Coefficients R, K, L, and the brush drop if the current has both signs."""
-        regressors = [self.current, self.speed, self.current_rate]
+        return self._electrical()
+
+    @cached_property
+    def heated(self) -> Regression | None:
+        """The same with R and K linear in the warmth, for their mean values."""
+        return self._electrical(self.warmth * self.current, self.warmth * self.speed)
+
+    def _electrical(self, *others: Array) -> Regression | None:
+        regressors = [self.current, self.speed, self.current_rate, *others]
         if reverses(self.current):
             regressors.append(_soft_sign(self.current))
         return regress(self.voltage, regressors, self.noise[:3])
@@ -229,7 +247,10 @@ class Balance:
     @cached_property
     def mechanical(self) -> Regression | None:
         """Coefficients J / K, b / K, and the dry friction if the motor reverses."""
-        regressors = [self.speed_rate, self.speed]
+        return self._mechanical()
+
+    def _mechanical(self, *others: Array) -> Regression | None:
+        regressors = [self.speed_rate, self.speed, *others]
         if reverses(self.speed):
             regressors.append(_soft_sign(self.speed))
         return regress(self.current, regressors, self.noise[3:0:-2])
@@ -237,11 +258,13 @@ class Balance:
     def proportion(self, missed: float, error: float) -> tuple[float, float, float] | None:
         """Voltage per current [ohm], per speed [V s/rad], and J / b [s] of proportional signals.
 
-        None if the current leaves more than a fraction of the voltage unexplained, or the speed of
-        the current, or if the relative standard error of one of the three is not below `error`.
+        They change linearly with the warmth.  None if the current leaves more than a fraction of
+        the voltage unexplained, or the speed of the current, or if the relative standard error of
+        one of the three is not below `error`.
         """
-        e = regress(self.voltage, [self.current, self.current_rate], self.noise[:3:2])
-        m = self.mechanical
+        heated = self.warmth * self.current
+        e = regress(self.voltage, [self.current, self.current_rate, heated], self.noise[:3:2])
+        m = self._mechanical(self.warmth * self.speed)
         if e is None or m is None or max(e.missed, m.missed) > missed:
             return None
         gain, inertia, friction = map(float, (e.values[0], *m.values[:2]))
@@ -297,8 +320,10 @@ def balances_of(signals: Signals) -> list[Balance]:
         count = float(np.median(np.diff(windows.edges)))
         rate = 2.0 / float(np.median(np.diff(windows.time[windows.edges]))) ** 2
         noise = i_noise / count, w_noise / count, i_noise * rate, w_noise * rate
-        means, rates = [windows.mean(x) for x in (v, i, w)], [windows.rate(x) for x in (i, w)]
-        found.append(Balance(means[0], means[1], means[2], rates[0], rates[1], noise))
+        means = [windows.mean(x) for x in (v, i, w)]
+        rates = windows.rate(i), windows.rate(w)
+        warmth = windows.mean(signals.warmth)
+        found.append(Balance(means[0], means[1], means[2], rates[0], rates[1], warmth, noise))
     return found
 
 

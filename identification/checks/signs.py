@@ -188,8 +188,10 @@ def _judged(balances: Sequence[Balance]) -> _Judged | None:
     fits = [(e, m) for e, m in pairs if e is not None and m is not None]
     if not fits:
         return None
+    heated = [b.heated for b in balances if b.electrical is not None and b.mechanical is not None]
     turned = [
-        min([0.0] + [float(e.shares[k]) for k in (0, 1, 2) if _is_turned(e, k)]) for e, _ in fits
+        min([0.0] + [float(e.shares[k]) for k in (0, 1, 2) if _is_turned(e, h, k)])
+        for (e, _), h in zip(fits, heated, strict=True)
     ]
     holds = [bool(e.values[0] > 0 and e.values[1] > 0 and m.values[0] > 0) for e, m in fits]
     return _Judged(
@@ -202,10 +204,16 @@ def _judged(balances: Sequence[Balance]) -> _Judged | None:
     )
 
 
-def _is_turned(electrical: Regression, k: int) -> bool:
-    """Whether R, K or L is significantly negative; L only if R is negative as well."""
-    is_negative = electrical.is_negative(k, _ERRORS, _SHARE)
-    return is_negative and (k != 2 or bool(electrical.values[0] < 0.0))
+def _is_turned(electrical: Regression, heated: Regression | None, k: int) -> bool:
+    """Whether R, K or L is significantly negative.
+
+    R and K have to be so if they change with the temperature, too; L only if R is negative.
+    """
+    if not electrical.is_negative(k, _ERRORS, _SHARE):
+        return False
+    if k == 2:
+        return bool(electrical.values[0] < 0.0)
+    return heated is None or heated.is_negative(k, _ERRORS, _SHARE)
 
 
 def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:

@@ -127,6 +127,30 @@ def test_the_time_constant_tells_another_load_from_a_wrong_unit() -> None:
     assert check_runs(runs).refused == ()
 
 
+@pytest.mark.parametrize("friction", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize("warming", [0.0, 30.0, 63.0])
+def test_warming_within_a_run_is_no_wrong_sign(friction: float, warming: float) -> None:
+    """Signs of R and K are those of regressions whose R and K change with the temperature.
+
+    With constant R and K, runs with three times the friction of the paper and 30 K were refused.
+    """
+    paper = motor_named("paper")
+    motor = replace(paper, values=(*paper.values[:5], friction * paper.values[5], paper.values[6]))
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        warmth = 25.0 + warming * np.linspace(0.0, 1.0, 1500) ** 0.5
+        runs = []
+        for k in range(3):
+            run = run_of(motor, drive(motor, "forward", 1500, rng), warmth, np.zeros(2))
+            current, speed = (
+                x + 0.003 * x.std() * rng.standard_normal(1500) for x in (run.current, run.speed)
+            )
+            runs.append(replace(run, name=f"{k}.csv", current=current, speed=speed))
+
+        assert check_runs(runs).refused == (), seed
+        assert {f.file for f in check_runs(with_fault(runs, 1, "speed", -1.0)).refused} == {"1.csv"}
+
+
 def drawn(seed: int) -> Motor:
     """A motor like that of the paper, with all values within a factor of two."""
     paper = motor_named("paper")
