@@ -221,13 +221,15 @@ def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
     unsigned = [
         column
         for column, name in CHANNELS.items()
-        if not reverses(getattr(signals, name)) and np.ptp(getattr(signals, name)) > 0.0
+        if not reverses(x := getattr(signals, name)) and np.ptp(x) > 0.0 and np.mean(x) > 0.0
     ]
     # Where current and speed are in proportion, R or K may be negative within its error.
     before = _missed(signals, _ERRORS)
     if before <= _UNSIGNED_MISSED:
         return []
     for names, restored in _restored(signals, unsigned):
+        if not any(reverses(getattr(restored, CHANNELS[name])) for name in names):
+            continue  # a reversed channel, which the other runs show
         # A restored voltage has another variance: compare the same squares.
         scale = float(np.var(restored.voltage) / np.var(signals.voltage))
         after = _missed(restored) * scale

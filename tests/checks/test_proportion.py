@@ -129,8 +129,10 @@ def test_the_time_constant_tells_another_load_from_a_wrong_unit() -> None:
 
 @pytest.mark.parametrize("friction", [1.0, 3.0, 10.0])
 @pytest.mark.parametrize("warming", [0.0, 30.0, 63.0])
-def test_warming_within_a_run_is_no_wrong_sign(friction: float, warming: float) -> None:
+def test_warming_hides_no_wrong_sign_and_is_none(friction: float, warming: float) -> None:
     """Signs of R and K are those of regressions whose R and K change with the temperature.
+
+    A reversed voltage is never positive, which no magnitude is.
 
     With constant R and K, runs with three times the friction of the paper and 30 K were refused.
     """
@@ -148,7 +150,9 @@ def test_warming_within_a_run_is_no_wrong_sign(friction: float, warming: float) 
             runs.append(replace(run, name=f"{k}.csv", current=current, speed=speed))
 
         assert check_runs(runs).refused == (), seed
-        assert {f.file for f in check_runs(with_fault(runs, 1, "speed", -1.0)).refused} == {"1.csv"}
+        for channel in UNITS:
+            refused = check_runs(with_fault(runs, 1, channel, -1.0)).refused
+            assert {(f.code, f.file) for f in refused} == {("reversed_channel", "1.csv")}
 
 
 def drawn(seed: int) -> Motor:
