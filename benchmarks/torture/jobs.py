@@ -23,7 +23,6 @@ from tests.app.service import ENDED, Caller, make_key, run_text, serving
 
 __all__ = ["run"]
 
-_FITS = 30
 _PATIENCE_S = 30.0
 _LONGER = 2.0
 _SOUND = ("succeeded", 1)
@@ -48,8 +47,9 @@ def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
     ):
         run_id = normal.upload(run_text(1))["id"]
         alone = [_fit(normal, run_id)[0] for _ in range(2 if short else 5)]
-        beside, seen = _beside(hostile, normal, run_id, runs=25 if short else 200)
-        yield _outcome(alone, beside, seen)
+        fits = 10 if short else 30
+        beside, seen = _beside(hostile, normal, run_id, fits=fits, runs=10 if short else 200)
+        yield _outcome(fits, alone, beside, seen)
         yield _kills(server.process.pid, normal, run_id, 3 if short else 12)
 
 
@@ -64,11 +64,11 @@ def _fit(caller: Caller, run_id: str) -> tuple[float, str, int]:
 
 
 def _beside(
-    hostile: Caller, normal: Caller, run_id: str, *, runs: int
+    hostile: Caller, normal: Caller, run_id: str, *, fits: int, runs: int
 ) -> tuple[list[tuple[float, str, int]], _Seen]:
     """Fits of the normal client while the hostile client is active."""
     seen = _Seen()
-    work = threading.Thread(target=_attack, args=(hostile, runs, seen))
+    work = threading.Thread(target=_attack, args=(hostile, fits, runs, seen))
     work.start()
     beside = []
     while work.is_alive():
@@ -77,17 +77,18 @@ def _beside(
     return beside, seen
 
 
-def _attack(caller: Caller, runs: int, seen: _Seen) -> None:
-    """Upload runs of each type, then request thirty fits of them in sequence."""
+def _attack(caller: Caller, fits: int, runs: int, seen: _Seen) -> None:
+    """Upload runs of each type, then request fits of them in sequence."""
+    large = min(runs, 25)
     kinds = [
-        _uploaded(caller, seen, "s" * 9_000, runs=25),
-        _uploaded(caller, seen, "ä" * 4_500, runs=25),
+        _uploaded(caller, seen, "s" * 9_000, runs=large),
+        _uploaded(caller, seen, "ä" * 4_500, runs=large),
         _uploaded(caller, seen, "s" * 66_000, runs=3),
         _uploaded(caller, seen, "ä" * 33_000, runs=3),
         _uploaded(caller, seen, "n_ist", runs=2 * runs),
     ]
     kinds = [kind for kind in kinds if kind]
-    for number in range(_FITS):
+    for number in range(fits):
         ids = kinds[number % len(kinds)]
         half = max(1, len(ids) // 2)
         body = {
@@ -130,7 +131,9 @@ def _end(caller: Caller, fit_id: str) -> str:
     return status
 
 
-def _outcome(alone: list[float], beside: list[tuple[float, str, int]], seen: _Seen) -> Outcome:
+def _outcome(
+    fits: int, alone: list[float], beside: list[tuple[float, str, int]], seen: _Seen
+) -> Outcome:
     usual, slowest = statistics.median(alone), max(seconds for seconds, _, _ in beside)
     faults = [f"{s} in attempt {n} after {t:.0f} s" for t, s, n in beside if (s, n) != _SOUND]
     faults += [f"uploads {seen.uploads}"] if set(seen.uploads) - {200, 201, 422} else []
@@ -142,7 +145,7 @@ def _outcome(alone: list[float], beside: list[tuple[float, str, int]], seen: _Se
         f"{dict(sorted(seen.fits.items()))}"
     )
     return Outcome(
-        f"{_FITS} hostile jobs in parallel with a normal client",
+        f"{fits} hostile jobs in parallel with a normal client",
         f"normal fits take at most {_LONGER:g} times their usual time; hostile fits end",
         "; ".join(faults[:5]) or measured,
         not faults,
