@@ -2,7 +2,7 @@
 
 Signal 9 kills the command or the server at a random time after a random number of motors is done.
 At the end, each motor must have one row, one fit and complete files.  At any time, the table must
-be complete when it is read.
+be complete when it is read.  The short version has a mock pipeline in place of the real one.
 """
 
 from __future__ import annotations
@@ -19,10 +19,13 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from unittest import mock
 
 from benchmarks.torture.fleet import write_fleet
 from benchmarks.torture.outcome import Outcome
 from motorid.client import Client
+from tests.app.pretended import SLOW
+from tests.app.service import PRETENDED
 
 __all__ = ["run"]
 
@@ -35,16 +38,21 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     """Kill batches repeatedly.
 
     Args:
-        short: Whether to use a few motors instead of 200.
+        short: Whether to use a few motors and the mock pipeline instead of 200 and the real one.
         directory: Working directory.
     """
     motors, kills = (4, 2) if short else (200, 5)
     manifest = write_fleet(directory / "bench", motors, rows=120 if short else 200)
     chance = random.Random(_SEED)
-    return [
-        _here(manifest, directory / "here", motors, kills, chance),
-        _at_a_service(manifest, directory / "there", motors, kills, chance),
-    ]
+    if short:
+        head, *lines = manifest.read_text(encoding="utf-8").splitlines()
+        lines = [f"{head},seed", *(f"{line},{SLOW}" for line in lines), ""]
+        manifest.write_text("\n".join(lines), encoding="utf-8")
+    with mock.patch.dict(os.environ, {"MOTORID_PIPELINE": PRETENDED} if short else {}):
+        return [
+            _here(manifest, directory / "here", motors, kills, chance),
+            _at_a_service(manifest, directory / "there", motors, kills, chance),
+        ]
 
 
 class _Watch:

@@ -43,7 +43,7 @@ class Pretended:
 
     def write(self, directory: Path) -> None:
         """Write small stand-ins for the outputs of a real fit."""
-        (directory / "report.html").write_text("<!doctype html><title>Report</title><p>x")
+        (directory / "report.html").write_text("<!doctype html><title>Report</title><p>x</html>")
         if self.has_posterior:
             (directory / "posterior.nc").write_bytes(b"CDF\x02 pretended")
         (directory / "result.json").write_text(json.dumps(self.result))

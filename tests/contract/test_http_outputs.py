@@ -13,7 +13,7 @@ import pytest
 from tests.app.service import Caller, Server, run_text
 from tests.contract.hostile import assert_is_problem
 
-REPORT = "<!doctype html><title>Report</title><p>x"
+REPORT = "<!doctype html><title>Report</title><p>x</html>"
 IS_WHOLE: dict[str, Callable[[httpx.Response], bool]] = {
     "": lambda answer: (
         answer.json()["result"]["schema_version"] == 1
