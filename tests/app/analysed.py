@@ -11,7 +11,7 @@ import httpx
 
 from identification.ingest import write_run
 from motorid.client import Client
-from tests.app.service import serving
+from tests.app.service import Server, serving
 from tests.motors import campaign, motor_named
 
 MOTOR = "servo <1>"
@@ -22,6 +22,7 @@ class Bench:
     """Service with two fits of one motor.
 
     Args:
+        server: The service.
         http: Client of the service.
         first: ID of the fit of the first run.
         second: ID of the fit of both runs.
@@ -29,6 +30,7 @@ class Bench:
         files: Their files.
     """
 
+    server: Server
     http: httpx.Client
     first: str
     second: str
@@ -55,4 +57,4 @@ def analysed(directory: Path) -> Iterator[Bench]:
             client.wait(client.fit(some, motor=MOTOR, options=options)).id
             for some in (runs[:1], runs)
         ]
-        yield Bench(http, fits[0], fits[1], runs, tuple(files))
+        yield Bench(server, http, fits[0], fits[1], runs, tuple(files))

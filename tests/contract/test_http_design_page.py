@@ -6,17 +6,14 @@ import json
 import re
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
 import pytest
 
-from identification.ingest import write_run
-from motorid.client import Client
+from tests.app.analysed import Bench
 from tests.app.browser import Held, needs_browser, opened, wait_until_settled
-from tests.app.service import Server, serving
-from tests.motors import campaign, motor_named
+from tests.app.service import Server
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -26,20 +23,10 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = needs_browser
 
 
-@pytest.fixture(scope="module")
-def fit(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, str]]:
+@pytest.fixture
+def fit(bench: Bench) -> tuple[Server, str]:
     """Service with a fit of one run of the 100 W servo."""
-    directory = tmp_path_factory.mktemp("design")
-    [run] = campaign(motor_named("servo 100 W"), seed=3, runs=1, rows=400)
-    write_run(run, Path(directory, "run.csv"))
-    settings = {"PIPELINE": "identification.pipeline:identify"}
-    options = {"posterior": False, "effects": False}
-    with (
-        serving(directory / "data", "--no-auth", **settings) as server,
-        Client(server.url) as client,
-    ):
-        stored = client.upload(directory / "run.csv")
-        yield server, client.wait(client.fit([stored], options=options)).id
+    return bench.server, bench.first
 
 
 @pytest.fixture
@@ -221,19 +208,11 @@ def test_table_of_five_temperatures_needs_no_scrolling(page: Page, fit: tuple[Se
     assert widths[0] == widths[1]
 
 
-def test_field_shows_what_was_computed_after_back(page: Page, fit: tuple[Server, str]) -> None:
+def test_field_shows_what_was_computed_after_back(page: Page, bench: Bench) -> None:
     """The browser restores no selection to which the answer does not belong."""
-    server, fit_id = fit
-    page.goto(f"{server.url}/fits/{fit_id}/prediction?run={only_run(server)}")
+    page.goto(f"{bench.server.url}/fits/{bench.first}/prediction?run={bench.runs[0]}")
     page.select_option("#model", "nominal model")
     page.click("nav >> text=Compare")
     page.go_back()
 
     assert page.input_value("#model") == "false"
-
-
-def only_run(server: Server) -> str:
-    """ID of the run of the service."""
-    with Client(server.url) as client:
-        [run] = client.runs()
-    return run.id
