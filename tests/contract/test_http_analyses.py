@@ -264,7 +264,6 @@ def test_page_of_a_prediction_draws_measured_and_simulated(bench: Bench) -> None
 @pytest.mark.parametrize(
     "page",
     [
-        "fits/{first}/loop",
         "fits/{first}/tuning?kind=PI&overshoot=10&temperature=25",
         "compare?fit={first}&fit={second}",
     ],

@@ -21,7 +21,7 @@ from tests.motors import campaign, motor_named
 
 pytestmark = needs_browser
 
-SEVERAL = 6
+SEVERAL = 3
 HTML = {"Accept": "text/html"}
 QUICKLY = {"posterior": False, "effects": False}
 
@@ -76,7 +76,7 @@ def assert_is_quiet(shown: Shown, server: Server) -> None:
 
 
 def test_first_page_lists_runs_fits_and_batches(bench: Bench, tmp_path: Path) -> None:
-    """The page shows two runs, seven fits, one batch with its links, and all option fields."""
+    """The page shows two runs, four fits, one batch with its links, and all option fields."""
     shown = show(bench.server.url, tmp_path)
 
     assert_is_quiet(shown, bench.server)
