@@ -92,7 +92,7 @@ data: $(READY) ## regenerate the campaigns in data/ with the bench simulator
 
 .PHONY: test
 test: lint types imports spelling docstrings ## run all checks, then all tests (one process per core)
-	$(BIN)/python -m pytest --numprocesses logical --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest --numprocesses logical --dist loadfile --no-loadscope-reorder $(ARGS)
 
 .PHONY: check
 check: lint types imports spelling docstrings docs ## run the static checks and the documentation tests (less than a minute)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 
+import pytest
 import scipy.linalg  # noqa: F401  a library must be loaded before its threads can be limited
 from hypothesis import HealthCheck, settings
 
@@ -15,6 +16,14 @@ settings.load_profile("any-load")
 # The processes of a run share the cores: threads of linear algebra would only wait for each other.
 # A fit has this limit in any case; the tests of its parts have it here.
 repeatable_algebra()
+
+LONG = ("contract/test_torture.py", "app/test_torture.py", "contract/test_http_walk.py")
+"""Files that take a minute or more with a few tests."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the long files, so that no process works on one of them alone at the end."""
+    items.sort(key=lambda item: not item.path.as_posix().endswith(LONG))
 
 
 def pytest_collection_finish() -> None:
