@@ -43,7 +43,7 @@ class RunChoice:
         self._database = database
         self._storage = storage
         self._reader = reader
-        self._previews: dict[tuple[str, ...], dict[str, Any]] = {}
+        self._previews: dict[tuple[tuple[str, str, str], ...], dict[str, Any]] = {}
 
     def roles(self, runs: Sequence[RunRow]) -> tuple[dict[str, str], bool]:
         """Role of each run by ID, empty if unused, and whether this is only a proposal.
@@ -98,13 +98,13 @@ class RunChoice:
         """Preview of several training runs: contradictions, excitation, and precision to expect."""
         with self._database.reading() as session:
             rows = [queries.known(session, RunRow, caller.workspace, each) for each in run_ids]
-        key = tuple(run_ids)
+        key = tuple((row.sha256, row.file, repr(row.mapping)) for row in rows)
         if key not in self._previews:
             files = [(self._storage.run(row.id), row.file, row.mapping) for row in rows]
             found = self._reader.preview(*files)
             while len(self._previews) >= _MOST_KEPT:
                 self._previews.pop(next(iter(self._previews)))
-            # The content of a run never changes, so a preview stays valid.
+            # Equal content has an equal preview, also of runs that were deleted and stored again.
             self._previews[key] = found
         return self._previews[key]
 
