@@ -54,8 +54,12 @@ def ids(caller: Caller, kind: str) -> list[str]:
     return [item["id"] for item in caller.http.get(f"/{kind}").json()["items"]]
 
 
-def test_full_disk_is_not_ready_and_still_answers(full: Server) -> None:
-    """Reading works, an upload returns 507 `storage_full`, and readiness fails."""
+def test_full_disk_is_not_ready_and_permits_reading_and_deletions(full: Server) -> None:
+    """An upload returns 507 `storage_full`, and readiness fails until there is space.
+
+    The disk is filled after each deletion, so that none uses space freed by another.
+    """
+    disk = full.data_dir.parent
     with Caller(full) as caller:
         ready = httpx.get(f"{full.url}/readyz")
         upload = caller.http.post("/runs", files={"file": ("run.csv", run_text(9))})
@@ -68,10 +72,6 @@ def test_full_disk_is_not_ready_and_still_answers(full: Server) -> None:
     assert {answer.status_code for answer in read} == {200}
     assert httpx.get(f"{full.url}/healthz").status_code == 200
 
-
-def test_full_disk_permits_deletions(full: Server) -> None:
-    """The disk is filled after each deletion, so that none uses space freed by another."""
-    disk = full.data_dir.parent
     with Caller(full) as caller:
         for kind in ("fits", "runs"):
             for name in ids(caller, kind):
