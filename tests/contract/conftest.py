@@ -43,6 +43,13 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 
 @pytest.fixture(scope="session")
+def open_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """Server without keys, for tests that empty it first."""
+    with serving(tmp_path_factory.mktemp("open") / "data", "--no-auth") as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
 def alice(server: Server) -> Iterator[Caller]:
     """Client of the workspace alice."""
     with Caller(server, make_key(server.data_dir, "alice")) as caller:

@@ -11,7 +11,7 @@ import pytest
 
 from tests.app.browser import Held, needs_browser, opened, wait_until_settled
 from tests.app.pretended import FAMILY
-from tests.app.service import Caller, Server, empty, run_text, serving
+from tests.app.service import Caller, Server, empty, run_text
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page, Route
@@ -26,11 +26,10 @@ CALL_MS = 20_500
 """Time after which a call without an answer is given up."""
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+@pytest.fixture
+def server(open_server: Server) -> Server:
     """Service without keys."""
-    with serving(tmp_path_factory.mktemp("lost") / "data", "--no-auth") as running:
-        yield running
+    return open_server
 
 
 @pytest.fixture

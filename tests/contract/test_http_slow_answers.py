@@ -11,7 +11,7 @@ import pytest
 
 from tests.app.browser import Held, needs_browser, opened, wait_until_settled
 from tests.app.pretended import FAMILY, HELD, release
-from tests.app.service import Caller, Server, empty, run_text, serving
+from tests.app.service import Caller, Server, empty, run_text
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -22,11 +22,10 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytestmark = needs_browser
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+@pytest.fixture
+def server(open_server: Server) -> Server:
     """Service without keys."""
-    with serving(tmp_path_factory.mktemp("slow") / "data", "--no-auth") as running:
-        yield running
+    return open_server
 
 
 @pytest.fixture

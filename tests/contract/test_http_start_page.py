@@ -11,7 +11,7 @@ import pytest
 
 from tests.app.browser import needs_browser, opened, wait_until_settled
 from tests.app.pretended import SLOW
-from tests.app.service import Caller, Server, empty, run_text, serving
+from tests.app.service import Caller, Server, empty, run_text
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -23,11 +23,10 @@ pytestmark = needs_browser
 FILES = 5
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+@pytest.fixture
+def server(open_server: Server) -> Server:
     """Service without keys."""
-    with serving(tmp_path_factory.mktemp("start") / "data", "--no-auth") as running:
-        yield running
+    return open_server
 
 
 @pytest.fixture
