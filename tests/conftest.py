@@ -17,8 +17,19 @@ settings.load_profile("any-load")
 # A fit has this limit in any case; the tests of its parts have it here.
 repeatable_algebra()
 
-LONG = ("contract/test_torture.py", "app/test_torture.py", "contract/test_http_walk.py")
-"""Files that take a minute or more with a few tests."""
+LONG = (
+    "app/test_torture.py",
+    "checks/test_faults.py",
+    "contract/test_http_lost_network.py",
+    "contract/test_http_signed_in.py",
+    "contract/test_http_slow_answers.py",
+    "contract/test_http_walk.py",
+    "contract/test_torture.py",
+    "effects/test_bad_cases.py",
+    "effects/test_lag.py",
+    "fit/test_knowledge.py",
+)
+"""Files that take more than half a minute."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
