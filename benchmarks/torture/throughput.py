@@ -31,7 +31,7 @@ from identification.pipeline import identify
 from identification.threads import use_threads
 from tests.app.service import ENDED, Caller, serving
 
-__all__ = ["Kind", "Turn", "run", "turns"]
+__all__ = ["run"]
 
 _RUN = Path("data/clean_servo/training_1.csv")
 _LEAST = 0.85
@@ -74,12 +74,12 @@ class Turn:
 
     Args:
         ratio: Ratio of fits per minute of several workers to one.
-        bare: The same ratio of processes without a service; None if not measured.
+        bare: The same ratio of processes without a service.
         others: Cores used by other programs.
     """
 
     ratio: float
-    bare: float | None
+    bare: float
     others: float
 
     @property
@@ -100,7 +100,7 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     for number, kind in enumerate(_SHORT if short else _LONG):
         found: list[Turn] = []
         until = time.monotonic() + kind.seconds
-        with closing(turns(directory / str(number), cores, kind)) as measured:
+        with closing(_turns(directory / str(number), cores, kind)) as measured:
             for turn in measured:
                 found.append(turn)
                 if sum(t.is_quiet for t in found) >= kind.turns or time.monotonic() > until:
@@ -113,7 +113,7 @@ def _outcome(kind: Kind, cores: int, found: Sequence[Turn]) -> Outcome:
     quiet = [turn for turn in found if turn.is_quiet]
     counted = quiet or found
     ratios = [turn.ratio for turn in counted]
-    bare = [turn.bare for turn in counted if turn.bare is not None]
+    bare = [turn.bare for turn in counted]
     middle = statistics.median(ratios)
     others = statistics.median(turn.others for turn in found)
     words = f"{len(quiet)} quiet turns of {len(found)}"
@@ -123,24 +123,14 @@ def _outcome(kind: Kind, cores: int, found: Sequence[Turn]) -> Outcome:
         test=f"throughput of {cores} workers relative to one, {kind.name}",
         asked=f"at least {_LEAST} x {cores} = {_LEAST * cores:.2f}",
         measured=f"{middle:.2f}, median of {words}, from {min(ratios):.2f} to {max(ratios):.2f}"
-        + (f"; without a service {statistics.median(bare):.2f}" if bare else ""),
+        f"; without a service {statistics.median(bare):.2f}",
         passed=middle >= _LEAST * cores,
     )
 
 
-def turns(
-    directory: Path, workers: int, kind: Kind, *, has_bare: bool = True, **settings: object
-) -> Generator[Turn]:
-    """Yield one comparison after another.
-
-    Args:
-        directory: Directory of the data.
-        workers: Number of workers to compare with one.
-        kind: Type of the fits.
-        has_bare: Whether to measure processes without a service too.
-        **settings: Settings of the servers, such as another pipeline.
-    """
-    settings = {"PIPELINE": "identification.pipeline:identify", "FIT_THREADS": 1} | settings
+def _turns(directory: Path, workers: int, kind: Kind) -> Generator[Turn]:
+    """Yield one comparison after another, of servers with one and with several workers."""
+    settings = {"PIPELINE": "identification.pipeline:identify", "FIT_THREADS": 1}
     with ExitStack() as stack:
         callers = [
             stack.enter_context(
@@ -168,7 +158,7 @@ def turns(
             order = (0, 1) if turn % 2 else (1, 0)
             counts = (kind.fits, kind.fits * workers)
             rates = {n: _rate(callers[n], runs[n], counts[n], kind.options) for n in order}
-            bare = _bare_ratio(workers, kind) if has_bare else None
+            bare = _bare_ratio(workers, kind)
             used = machine_seconds() - before - (tree_seconds(os.getpid()) - own)
             yield Turn(rates[1] / rates[0], bare, used / (time.monotonic() - began))
 

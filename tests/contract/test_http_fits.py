@@ -6,7 +6,6 @@ import json
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
@@ -20,7 +19,7 @@ from tests.app.pretended import (
     QUICK,
     SLOW,
 )
-from tests.app.service import Caller, Server, run_text, serving
+from tests.app.service import Caller, Server, empty, run_text
 
 
 def alive(pid: int) -> bool:
@@ -260,12 +259,10 @@ def test_fits_are_listed_by_state_and_motor(alice: Caller, stored: str) -> None:
     assert none == {"items": [], "next": None}
 
 
-def test_as_many_fits_run_at_once_as_there_are_workers(tmp_path: Path) -> None:
+def test_as_many_fits_run_at_once_as_there_are_workers(open_server: Server) -> None:
     """With two workers and four fits without an end, two run at a time."""
-    with (
-        serving(tmp_path / "data", "--no-auth", WORKERS=2) as server,
-        Caller(server) as caller,
-    ):
+    empty(open_server)
+    with Caller(open_server) as caller:
         run = caller.upload(run_text(1))["id"]
         fits = [caller.begin(run, seed=HELD)["id"] for _ in range(4)]
         deadline = time.monotonic() + 60
