@@ -21,10 +21,11 @@ DESCRIPTORS = 200
 
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """Server with a limit of 1 s for a request and 2 s without a byte for an upload."""
+    """Server with a limit of 1 s for a request, and 4 s or 2 s without a byte for an upload."""
     data_dir = tmp_path_factory.mktemp("hasty") / "data"
     make_key(data_dir)
-    with serving(data_dir, REQUEST_S=REQUEST_S, UPLOAD_IDLE_S=2.0) as running:
+    settings = {"REQUEST_S": REQUEST_S, "UPLOAD_IDLE_S": 2.0, "UPLOAD_S": 4.0, "UPLAOD_S": 1.0}
+    with serving(data_dir, **settings) as running:
         yield running
 
 
@@ -116,13 +117,10 @@ def test_upload_may_take_longer(hasty: Server) -> None:
         assert caller.http.post("/runs", content=parts(), headers=headers).status_code == 201
 
 
-def test_slow_upload_answers_408(data_dir: Path) -> None:
+def test_slow_upload_answers_408(hasty: Server) -> None:
     """With steady bytes the limit of the whole upload applies."""
-    key = make_key(data_dir)
-    with (
-        serving(data_dir, UPLOAD_IDLE_S=1.0, UPLOAD_S=2.0, UPLAOD_S=1.0) as server,
-        connected(server) as connection,
-    ):
+    key = make_key(hasty.data_dir, "slow")
+    with connected(hasty) as connection:
         more = ("Content-Type: multipart/form-data; boundary=b", f"Authorization: Bearer {key}")
         connection.sendall(head("POST", f"{API}/runs", 5000, *more))
         began, answer = time.monotonic(), b""
@@ -136,9 +134,9 @@ def test_slow_upload_answers_408(data_dir: Path) -> None:
         answer += until_closed(connection)[0]
 
     assert answer.startswith(b"HTTP/1.1 408 "), answer
-    assert b"the upload was not complete after 2 s" in answer
-    assert 2.0 <= took_s < 5.0
-    told = [line for line in server.log if "MOTORID_UPLAOD_S sets nothing" in line]
+    assert b"the upload was not complete after 4 s" in answer
+    assert 4.0 <= took_s < 7.0
+    told = [line for line in hasty.log if "MOTORID_UPLAOD_S sets nothing" in line]
     assert len(told) == 1
     assert "the nearest setting is MOTORID_UPLOAD_S" in told[0]
 
