@@ -40,10 +40,7 @@ _UNLIKE: Final = 0.05
 
 
 def join_files(
-    paths: Sequence[Path],
-    name: str,
-    mapping: Mapping[str, object] | None = None,
-    limits: Limits | None = None,
+    paths: Sequence[Path], name: str, mapping: Mapping[str, object] | None = None
 ) -> Run:
     """Read the files of one recording as one run.
 
@@ -53,7 +50,6 @@ def join_files(
         mapping: Columns of the channels.  An entry of the time applies to each file.  A title that
             several files have is preceded by the name of its file, as in ``CH1.csv/Ampl``; a signal
             without a title has the name of its file without the ending.
-        limits: Size limits of each file.
 
     Raises:
         RunFileError: A file cannot be read, a channel is given twice, or the signals together are
@@ -62,8 +58,8 @@ def join_files(
     """
     clock = read_mapping(mapping, name).channels.get("time_s")
     others = {key: entry for key, entry in (mapping or {}).items() if key != "time_s"}
-    reader = _Files(paths, clock, read_mapping(others, name).channels, limits or Limits())
-    return read_run(paths[0], name=name, mapping=others, limits=limits, readers=[reader])
+    reader = _Files(paths, clock, read_mapping(others, name).channels)
+    return read_run(paths[0], name=name, mapping=others, readers=[reader])
 
 
 @dataclass(frozen=True)
@@ -85,7 +81,6 @@ class _Files:
     paths: Sequence[Path]
     clock: ChannelMapping | None
     others: Mapping[str, ChannelMapping]
-    limits: Limits
 
     def recognises(self, name: str, head: bytes) -> bool:
         """Return True: the run is not that of the first file alone."""
@@ -97,7 +92,7 @@ class _Files:
         errors: list[RunFileError] = []
         for path in self.paths:
             shown = plain(path.name, 200)
-            with collected(errors), naming(shown), open_run_file(path, shown, self.limits) as one:
+            with collected(errors), naming(shown), open_run_file(path, shown, Limits()) as one:
                 contents.append(_content(one, self.clock, errors))
         if not errors:
             _refuse_repeated(contents)
