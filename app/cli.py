@@ -332,3 +332,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except BaseException as error:  # noqa: BLE001  last resort: no traceback for users
         return failed(came.raised or error)
     return status if isinstance(status, int) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -31,6 +31,7 @@ from identification.linear import solution
 
 __all__ = [
     "CHANNELS",
+    "NO_VOLTAGE",
     "Balance",
     "Regression",
     "Signals",
@@ -48,6 +49,8 @@ __all__ = [
 
 CHANNELS: Final = {"voltage_V": "voltage", "current_A": "current", "speed_rad_s": "speed"}
 """Field of `Run` and `Signals` by the canonical name of the channel."""
+NO_VOLTAGE: Final = 0.01
+"""Largest voltage of a motor that is not driven, over the highest voltage of the run."""
 SAMPLES: Final = 200_000
 """Largest number of samples checked per run; a faulty sensor is faulty from the beginning."""
 _WINDOW_SAMPLES: Final = 8

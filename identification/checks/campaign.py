@@ -13,6 +13,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.balance import Signals, balances_of, has_signal, signals_of
+from identification.checks.coasting import coasting_finding, coasting_of
 from identification.checks.consistency import consistency_findings, estimate_of
 from identification.checks.dead import (
     copied_findings,
@@ -26,11 +27,9 @@ from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
 from identification.checks.limited import (
     CurrentLimit,
-    coasting_finding,
-    coasting_of,
     current_limit_of,
     limited_finding,
-    without_limited,
+    without,
 )
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
@@ -79,9 +78,9 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     limits = [(run, _limit_of(run)) for run in runs]
-    runs = tuple(without_limited(run, limit) for run, limit in limits)
+    runs = tuple(without(run, limit.limited if limit else None) for run, limit in limits)
     coasts = [(run, coasting_of(run)) for run in runs]
-    runs = tuple(without_limited(run, coasting) for run, coasting in coasts)
+    runs = tuple(without(run, coasting.off if coasting else None) for run, coasting in coasts)
     joints = [(run, joints_of(run)) for run in runs]
     runs = tuple(divided(run, places) for run, places in joints)
     held = _currents_at_standstill(runs)

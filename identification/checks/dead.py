@@ -27,6 +27,7 @@ from scipy.special import fdtrc
 from identification.arrays import Array, Bool
 from identification.checks.balance import (
     CHANNELS,
+    NO_VOLTAGE,
     Balance,
     Signals,
     balances_of,
@@ -59,6 +60,9 @@ _STAY: Final = 20
 _STAYS: Final = 5.0
 _STUCK: Final = 1.8
 _STUCK_SHARE: Final = 0.25
+_CONTINUES: Final = 0.5
+"""Least rise of a speed after its first value, over that value: exp(-0.7) of a motor that shows it
+at 0.7 of its time constant."""
 NOISE_PROBABILITY: Final = 1e-3
 """Probability of a larger F below which a channel is no noise."""
 _DEVIATIONS: Final = 3.0
@@ -174,7 +178,12 @@ def stuck_findings(run: Run, signals: Signals) -> Iterator[Finding]:
         start, stop, usual = _longest_stay(signal)
         if stop - start < max(_STAY, _STAYS * usual) or stop - start == signals.time.size:
             continue
-        if not signals.joined[start : stop - 1].any():
+        # Samples at rest before the motor is driven, and those that the fit omits, are no evidence.
+        first = _first_driven(signals.voltage, start, stop)
+        driven = int(np.count_nonzero(signals.joined[first : max(stop - 1, first)])) + 1
+        if driven < max(_STAY, _STAYS * usual):
+            continue
+        if column == "speed_rad_s" and _starts_from_rest(signal, start, stop, driven):
             continue
         ratio, share = _inside(signals, start, stop)
         if ratio > _STUCK and share > _STUCK_SHARE:
@@ -189,6 +198,27 @@ def stuck_findings(run: Run, signals: Signals) -> Iterator[Finding]:
                 ratio,
                 _STUCK,
             )
+
+
+def _first_driven(voltage: Array, start: int, stop: int) -> int:
+    """First sample of a span at which the motor has a voltage; `stop` if there is none."""
+    size = np.abs(voltage)
+    driven = np.flatnonzero(size[start:stop] > NO_VOLTAGE * size.max())
+    return start + int(driven[0]) if driven.size else stop
+
+
+def _starts_from_rest(speed: Array, start: int, stop: int, driven: int) -> bool:
+    """True if a speed of zero ends as standstill does, `driven` samples after the first voltage.
+
+    Inertia lets the speed of a shaft grow from zero, by about as much in the time after its first
+    value as in that before; a sensor that responds again shows the speed of a shaft that has
+    settled.
+    """
+    if start > 0 or speed[start] != 0.0 or stop == speed.size:
+        return False
+    sign = np.sign(speed[stop])
+    rise = float(np.max(sign * speed[stop : stop + driven + 1])) - abs(float(speed[stop]))
+    return rise > _CONTINUES * abs(float(speed[stop]))
 
 
 def _longest_stay(signal: Array) -> tuple[int, int, int]:
@@ -208,24 +238,26 @@ def _inside(signals: Signals, start: int, stop: int) -> tuple[float, float]:
     Both are the least of the balances with and without an offset: from a constant voltage an
     offset is not identifiable, and it would contradict the standstill before a single step.
     """
-    inside = np.zeros(signals.time.size, dtype=bool)
-    inside[start:stop] = True
+    used = np.append(signals.joined, False) | np.append(False, signals.joined)
+    inside = used.copy()
+    inside[:start] = inside[stop:] = False
     rate = np.gradient(signals.current, signals.time)
     physical = np.column_stack([signals.current, signals.speed, rate])
     matrices = (physical, np.column_stack([physical, np.ones(signals.time.size)]))
-    if np.count_nonzero(~inside) < 10 * matrices[-1].shape[1]:
+    outside = used & ~inside
+    if np.count_nonzero(outside) < 10 * matrices[-1].shape[1]:
         return 0.0, 0.0
-    return min(_inside_of(matrix, signals.voltage, inside) for matrix in matrices)
+    return min(_inside_of(matrix, signals.voltage, inside, outside) for matrix in matrices)
 
 
-def _inside_of(matrix: Array, voltage: Array, inside: Bool) -> tuple[float, float]:
+def _inside_of(matrix: Array, voltage: Array, inside: Bool, outside: Bool) -> tuple[float, float]:
     """RMS error inside of a balance fitted outside, over that outside and over the voltage."""
     scale = np.sqrt(np.mean(matrix**2, axis=0))
     matrix = matrix / np.where(scale > 0.0, scale, 1.0)
-    values = np.linalg.lstsq(matrix[~inside], voltage[~inside], rcond=1e-10)[0]
+    values = np.linalg.lstsq(matrix[outside], voltage[outside], rcond=1e-10)[0]
     left = voltage - matrix @ values
     error = float(np.sqrt(np.mean(left[inside] ** 2)))
-    usual = float(np.sqrt(np.mean(left[~inside] ** 2)))
+    usual = float(np.sqrt(np.mean(left[outside] ** 2)))
     size = float(np.std(voltage)) or 1.0
     return error / max(usual, 1e-12 * size), error / size
 

@@ -9,9 +9,6 @@ while this regression, fitted to the other samples, predicts larger currents of 
 that saturates before its converter adds noise looks the same.  Either way the samples at the limit
 say nothing of the motor.  The fit omits them and starts again after each of them.
 
-A bridge that is switched off lets the motor coast: the log has no voltage, the motor has its
-induced one, and the current stays at zero while the regression predicts that of a braked motor.
-
 A motor that holds its highest current by itself, at a locked shaft or a constant load, agrees with
 the regression, and an effect at high currents gives all samples of the level one residual.
 """
@@ -32,11 +29,10 @@ from identification.ingest.run import Run
 
 __all__ = [
     "CurrentLimit",
-    "coasting_finding",
-    "coasting_of",
     "current_limit_of",
     "limited_finding",
-    "without_limited",
+    "noise_of",
+    "without",
 ]
 
 _STAY: Final = 5
@@ -54,24 +50,16 @@ _RESOLUTION: Final = 1e-4
 """Least deviation of the regression over the largest current."""
 _REGRESSED: Final = 100
 """Fewest samples of the regression."""
-_FAST: Final = 0.3
-"""Least speed of the samples that prove a coasting motor, over the highest speed: the voltage that
-brushes lose stops the current of a braked motor at lower speeds."""
-_BRAKING: Final = 5.0
-"""Least lower quartile of the predicted braking current [deviations of the regression]."""
-_NO_VOLTAGE: Final = 0.01
-"""Largest voltage of a bridge that is off, over the highest voltage."""
 
 
 @dataclass(frozen=True)
 class CurrentLimit:
-    """Samples at which a drive limits the current, or holds it at zero."""
+    """Samples at which a drive limits the current."""
 
     level: float
-    """Largest level of the two directions; zero for a motor that coasts [A]."""
+    """Largest level of the two directions [A]."""
     excess: float
-    """Predicted excess over the level, in deviations of the regression: its median, or its lower
-    quartile where the motor coasts."""
+    """Median predicted excess over the level, in deviations of the regression."""
     limited: Bool
     """(n_sample,) True at these samples."""
 
@@ -80,7 +68,7 @@ def current_limit_of(run: Run) -> CurrentLimit | None:
     """Limit of the current of a run; None if nothing limits it."""
     signals = signals_of(run, samples=run.rows)
     current = signals.current
-    noise = _noise(current)
+    noise = noise_of(current)
     if not noise > 0.0:
         return None
     levels = [_level(sign * current, noise) for sign in (1.0, -1.0)]
@@ -111,37 +99,13 @@ def current_limit_of(run: Run) -> CurrentLimit | None:
     return CurrentLimit(max(level for level, _ in found), max(over for _, over in found), limited)
 
 
-def coasting_of(run: Run) -> CurrentLimit | None:
-    """Samples of a run at which the bridge is off; None if there are none."""
-    signals = signals_of(run, samples=run.rows)
-    current, voltage, speed = map(np.abs, (signals.current, signals.voltage, signals.speed))
-    idle = (
-        (current <= _NEAR * _noise(signals.current))
-        & (voltage <= _NO_VOLTAGE * float(voltage.max()))
-        & (speed > _NEAR * _noise(signals.speed))
-    )
-    held = idle[1:] & idle[:-1] & signals.joined
-    fast = held & (speed[1:] > _FAST * float(speed.max()))
-    used = signals.joined & ~_around(idle)
-    if np.count_nonzero(fast) < _FEWEST or np.count_nonzero(used) < _REGRESSED:
-        return None
-    missing, deviation = _missing(signals, used)
-    braking = float(np.quantile((-np.sign(signals.speed[1:]) * missing / deviation)[fast], 0.25))
-    if braking < _BRAKING:
-        return None
-    limited = np.zeros(run.rows, dtype=bool)
-    limited[1:] |= held
-    limited[:-1] |= held
-    return CurrentLimit(0.0, braking, limited)
-
-
-def without_limited(run: Run, limit: CurrentLimit | None) -> Run:
-    """The run with a segment for each of the stretches between the limited samples."""
-    if limit is None:
+def without(run: Run, limited: Bool | None) -> Run:
+    """The run with a segment for each of the stretches between the limited samples (n_sample,)."""
+    if limited is None:
         return run
     segments: list[tuple[int, int]] = []
     for start, stop in run.segments:
-        edges = np.flatnonzero(np.diff(limit.limited[start:stop], prepend=True, append=True))
+        edges = np.flatnonzero(np.diff(limited[start:stop], prepend=True, append=True))
         pairs = (edges.reshape(-1, 2) + start).tolist()
         segments += [(first, last) for first, last in pairs if last - first >= _FEWEST // 2]
     return dataclasses.replace(run, segments=tuple(segments)) if segments else run
@@ -165,26 +129,8 @@ def limited_finding(run: Run, limit: CurrentLimit) -> Finding:
     )
 
 
-def coasting_finding(run: Run, coasting: CurrentLimit) -> Finding:
-    """Suspicion that the bridge is off at some samples, so that the motor coasts."""
-    share = 100.0 * float(coasting.limited.mean())
-    return Finding(
-        "coasting",
-        "suspect",
-        run.name,
-        "voltage_V",
-        "is logged as zero while the motor turns without current: the bridge is off and the motor "
-        "coasts at its induced voltage, or the current sensor does not measure a braking current; "
-        f"the fit omits these samples ({share:.2g} %)",
-        "predicted braking current in standard deviations, lower quartile",
-        coasting.excess,
-        _BRAKING,
-        remedy="log the voltage at the motor terminals, or let the bridge short the motor",
-    )
-
-
-def _noise(signal: Array) -> float:
-    """Standard deviation of the noise, from second differences, or of the rounding [A]."""
+def noise_of(signal: Array) -> float:
+    """Standard deviation of the noise, from second differences, or of the rounding."""
     steps = np.abs(np.diff(signal))
     step = float(np.min(steps, where=steps > 0.0, initial=np.inf))
     return max(difference_noise([signal], 2), step / np.sqrt(12.0)) if np.isfinite(step) else 0.0

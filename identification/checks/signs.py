@@ -40,6 +40,7 @@ from identification.checks.balance import (
     balances_of,
     reverses,
 )
+from identification.checks.coasting import without_pauses
 from identification.checks.finding import Finding, exchange, factor, signed
 from identification.ingest.run import Run
 
@@ -218,6 +219,8 @@ def _is_turned(electrical: Regression, heated: Regression | None, k: int) -> boo
 
 def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
     """Findings for channels of a run that hold magnitudes."""
+    # A coasting motor has no braking current, which may be taken for one without its sign.
+    signals = without_pauses(signals)
     unsigned = [
         column
         for column, name in CHANNELS.items()

@@ -2,10 +2,10 @@
 
 A saturated sensor repeats its highest or lowest value for longer than the signal stays constant
 anywhere else.  In a noisy signal this is sufficient evidence, because noise never pauses.  A
-noise-free signal must also enter the limit with a step of the usual size, because a simulated speed
-settles smoothly to its last digit.  A noise-free voltage is never reported, because a programmed
-ramp enters its plateau the same way.  Standstill, where the signal reads zero for long, is
-excluded.
+noise-free signal must also enter the limit with a step of the usual size and above its resolution,
+because a simulated speed settles smoothly to its last digit, and that of a coarse encoder to its
+last count.  A noise-free voltage is never reported, because a programmed ramp enters its plateau
+the same way.  Standstill, where the signal reads zero for long, is excluded.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ _SHARE_BELOW_LIMIT = 0.2
 _PLATEAU_RATIO = 3
 _STANDSTILL = 0.02
 _ENTRY_STEP = 0.3
+_RESOLUTIONS = 1.5
 _MANY_PLATEAUS = 10
 _ORDER = 8
 _GROWTH = 1.5
@@ -114,10 +115,14 @@ def _has_noise(signal: Array) -> bool:
 
 
 def _enters_with_a_step(signal: Array, at_limit: Mask, long: NDArray[np.intp]) -> bool:
-    """Return True if the median step into the limit is comparable to the usual step."""
+    """Return True if the median step into the limit is comparable to the usual step.
+
+    A single step of the resolution has no slope: a coarse encoder shows it at a steady speed, too.
+    """
     step = np.abs(np.diff(signal))
     moving = step[~at_limit[1:] & (step > 0.0)]
     entries = long[long[:, 0] > 0, 0]
     if not entries.size or not moving.size:
         return False
-    return bool(np.median(step[entries - 1]) > _ENTRY_STEP * np.median(moving))
+    entry = np.median(step[entries - 1])
+    return bool(entry > max(_ENTRY_STEP * np.median(moving), _RESOLUTIONS * np.min(moving)))

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from identification.checks import check_runs
 from identification.checks.campaign import admitted
-from identification.checks.limited import coasting_of
+from identification.checks.coasting import coasting_of
 from identification.fit.declared import fit_declared
 from identification.ingest import Run
 from identification.model.excitation import records_of
@@ -73,6 +73,53 @@ def test_samples_of_a_coasting_motor_are_omitted(seed: int, noise: float) -> Non
 def test_motor_that_is_braked_does_not_coast(seed: int, drop: float) -> None:
     """A shorted motor has its braking current, until the brushes take the induced voltage."""
     assert coasting_of(duty_run(seed, coasts=False, drop=drop)) is None
+
+
+def as_a_maker_logs_it(run: Run, zero: float = 0.0) -> Run:
+    """The run with a filter of 10 ms and a zero error of the current, and 200 counts in a turn."""
+    current, filtered = np.zeros(run.rows), run.current[0]
+    for k, value in enumerate(run.current):
+        filtered += (value - filtered) * (1.0 - np.exp(-STEP / 10e-3))
+        current[k] = filtered + zero
+    count = 2.0 * np.pi / 200
+    angle = count * np.floor(STEP * np.cumsum(run.speed) / count)
+    return replace(run, current=current, speed=np.diff(angle, prepend=0.0) / STEP)
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.3])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_filter_and_a_coarse_encoder_do_not_hide_a_coasting_motor(seed: int, zero: float) -> None:
+    """The whole time without voltage is omitted, while the current ends and at low speed too."""
+    run = as_a_maker_logs_it(duty_run(seed, coasts=True), zero)
+    verdict = check_runs([run])
+    simulated = np.zeros(run.rows, dtype=bool)
+    for start, stop in verdict.runs[0].segments:
+        simulated[start:stop] = True
+
+    assert [(f.code, f.severity) for f in verdict.findings] == [("coasting", "suspect")]
+    assert np.mean(simulated[run.voltage == 0.0]) < 0.1
+    assert np.mean(simulated[run.voltage != 0.0]) > 0.95
+    assert coasting_of(as_a_maker_logs_it(duty_run(seed, coasts=False), zero)) is None
+
+
+def test_a_pulse_after_which_the_motor_coasts_holds_no_magnitudes() -> None:
+    """No channel is ever negative: no voltage brakes the motor, and none of its current is missing.
+
+    The current sensor has a filter of 50 ms, so that its current has not ended when the log does.
+    """
+    rows, rest, pulse = 370, 30, 200
+    driven = (np.arange(rows) >= rest) & (np.arange(rows) < rest + pulse)
+    current, speed, shown = np.zeros(rows), np.zeros(rows), 0.0
+    i, w = 0.0, 0.0
+    for k in range(rows):
+        current[k], speed[k] = 0.02 * round(shown / 0.02), 5.0 * np.floor(w / 5.0)
+        for _ in range(20):
+            i = i + 5e-5 / 3e-3 * (9.0 - 4.2 * i - 0.018 * w) if driven[k] else 0.0
+            w = max(w + 5e-5 / 2.5e-6 * (0.018 * i - 2e-6 * w - 1e-3), 0.0)
+            shown += (i - shown) * 5e-5 / 50e-3
+    run = Run("r.csv", "r", 1e-3 * np.arange(370.0), np.where(driven, 9.0, 0.0), current, speed)
+
+    assert check_runs([run]).refused == ()
 
 
 def test_estimates_without_the_coasting_samples_are_those_of_the_motor() -> None:

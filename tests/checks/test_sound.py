@@ -84,6 +84,51 @@ def test_a_standstill_before_one_step_is_no_stuck_sensor(rest: int) -> None:
     assert check_runs([run]).refused == ()
 
 
+def step_of_a_geared_motor(rest: int, volts: float, inertia: float, *, timed: bool) -> Run:
+    """0.4 s of a robot's motor that starts from rest, as its controller logs it.
+
+    The current sensor has a filter of 20 ms and steps of 20 mA; 44 counts of the encoder in a turn
+    give a speed over four samples, or the time between two of them does.
+    """
+    command = np.concatenate([np.zeros(rest), np.full(370 - rest, volts)])
+    i, w, angle, filtered = 0.0, 0.0, 0.0, 0.0
+    current, count, turned = np.zeros(370), np.zeros(370), np.zeros(370)
+    for k, value in enumerate(command):
+        current[k], count[k] = 0.02 * round(filtered / 0.02), np.floor(angle * 44 / (2.0 * np.pi))
+        turned[k] = w
+        for _ in range(40):
+            i += STEP / 40 / 3e-3 * (value - 4.2 * i - 0.018 * w)
+            w = max(w + STEP / 40 / inertia * (0.018 * i - 2e-6 * w - 1.2e-3), 0.0)
+            angle += STEP / 40 * w
+            filtered += (i - filtered) * STEP / 40 / 20e-3
+    speed = (count - np.concatenate([np.zeros(4), count[:-4]])) * 2.0 * np.pi / 44 / (4 * STEP)
+    if timed:
+        speed = np.where(count > 1, turned, 0.0)
+    return Run("step.csv", "0" * 64, STEP * np.arange(370.0), command, current, speed)
+
+
+@pytest.mark.parametrize(
+    ("rest", "volts", "inertia", "timed"),
+    [(18, 3.0, 2.5e-6, False), (31, 4.5, 2.5e-6, False), (31, 3.0, 2e-5, True)],
+)
+def test_a_step_that_a_coarse_encoder_shows_late_is_no_stuck_sensor(
+    rest: int, volts: float, inertia: float, timed: bool
+) -> None:
+    """The first count and the filtered current come some samples after the step of the voltage."""
+    run = step_of_a_geared_motor(rest, volts, inertia, timed=timed)
+    assert np.count_nonzero(np.cumsum(run.speed) == 0.0) > rest + 1
+    assert check_runs([run]).refused == ()
+
+
+def test_an_encoder_that_misses_the_start_is_still_found() -> None:
+    """The speed jumps from zero to that of the shaft, as the encoder is connected."""
+    command = np.concatenate([np.zeros(100), np.full(900, 12.0)])
+    run = run_of(command)
+    speed = np.where(np.arange(1000) < 300, 0.0, run.speed)
+    found = check_runs([replace(run, speed=speed)]).refused
+    assert [(f.code, f.column) for f in found] == [("stuck_sensor", "speed_rad_s")]
+
+
 def test_a_speed_that_stays_zero_while_the_motor_turns_is_still_found() -> None:
     """The encoder fails for 300 samples of a run without standstill."""
     run = SOUND["one direction"]

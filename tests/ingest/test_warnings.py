@@ -182,6 +182,19 @@ def test_clipped_channel_without_noise_is_detected_by_its_slope(tmp_path: Path) 
     assert np.array_equal(cut.clipped["current_A"], sine >= 6.0)
 
 
+def test_steady_speed_of_a_coarse_encoder_is_not_clipped(tmp_path: Path) -> None:
+    """After a step of the voltage, the last of the counts is that of the steady speed."""
+    columns = motor()
+    time = np.maximum(np.arange(ROWS) - 50, 0) * 1e-3
+    angle = 13 * np.pi / 88e-3 * (time - 0.03 * (1.0 - np.exp(-time / 0.03)))
+    counts = np.floor(angle / (2.0 * np.pi / 44))
+    speed = (counts[4:] - counts[:-4]) * 2.0 * np.pi / 44 / 4e-3
+    columns["speed_rad_s"] = np.concatenate([np.zeros(4), speed])
+    columns = {name: values[:400] for name, values in columns.items()}
+
+    assert "clipped_channel" not in codes(read(tmp_path, columns))
+
+
 def test_noisy_voltage_at_its_limit_is_clipped(tmp_path: Path) -> None:
     """Noise of 0.02 V except at the limit of 9 V."""
     columns = motor()

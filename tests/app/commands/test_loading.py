@@ -1,4 +1,4 @@
-"""Import without searches for garbage."""
+"""Start of the command line: as a module, and without searches for garbage."""
 
 from __future__ import annotations
 
@@ -48,3 +48,16 @@ def test_objects_of_imported_modules_are_not_searched_again() -> None:
     frozen, more = map(int, printed.split())
     assert frozen > 10_000
     assert more <= 0
+
+
+def test_the_command_line_runs_as_a_module() -> None:
+    """An unknown file is answered by exit status 2, as by the installed command, not by nothing."""
+    run = subprocess.run(
+        [sys.executable, "-m", "app.cli", "check", "missing.csv"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+    assert run.returncode == 2
+    assert "missing.csv" in run.stderr
