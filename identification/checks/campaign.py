@@ -33,6 +33,7 @@ from identification.checks.limited import (
 )
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
+from identification.checks.stalled import stalled_finding, stalled_of
 from identification.checks.supply import supply_current_findings
 from identification.errors import ContradictoryRuns, InputError
 from identification.ingest.run import Run
@@ -81,6 +82,8 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     runs = tuple(without(run, limit.limited if limit else None) for run, limit in limits)
     coasts = [(run, coasting_of(run)) for run in runs]
     runs = tuple(without(run, coasting.off if coasting else None) for run, coasting in coasts)
+    stalls = [(run, stalled_of(run)) for run in runs]
+    runs = tuple(without(run, stall.held if stall else None) for run, stall in stalls)
     joints = [(run, joints_of(run)) for run in runs]
     runs = tuple(divided(run, places) for run, places in joints)
     held = _currents_at_standstill(runs)
@@ -112,6 +115,7 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     found += [joined_finding(run, places) for run, places in joints if places]
     found += [limited_finding(run, limit) for run, limit in limits if limit]
     found += [coasting_finding(run, coasting) for run, coasting in coasts if coasting]
+    found += [stalled_finding(run, stall) for run, stall in stalls if stall]
     order = {"refuse": 0, "suspect": 1}
     return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])), runs)
 
