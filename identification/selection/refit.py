@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from identification.effects.effect import AbstractEffect, effects_of
+from identification.effects.effect import AbstractEffect, Candidate, effects_of
 from identification.fit.order_tracking import tracked
 from identification.fit.own_states import amplitude_sizes
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
@@ -23,11 +23,13 @@ from identification.selection.start import (
     Start,
     begun,
     has_odd_coefficients,
+    traded,
     with_usual_coefficients,
 )
 from identification.work import Budget, operations
 
 __all__ = [
+    "fitted_candidate",
     "refined",
     "refitted_as",
     "refitted_with",
@@ -61,6 +63,29 @@ def refitted_with(
         other = _refitted(with_usual_coefficients(fit), model, starts, again)
         found = min(found, other, key=lambda one: one.cost)
     return found
+
+
+def fitted_candidate(
+    fit: Fit, candidate: Candidate, starts: Sequence[Start], limits: TerminationLimits = _LIMITS
+) -> Fit:
+    """Fit of the model with a candidate added, from the best of its starts.
+
+    What the parameters have absorbed of it may hold the fit at a local optimum near its start, as a
+    large inductance does beside a filter of the current.  A second fit then starts where they have
+    returned it, and the better fit is returned.
+    """
+    returned, began = traded(fit, candidate), operations()
+    found = refitted_with(fit, candidate.final, [*starts, *returned], limits)
+    before, after = fit.by_name, found.by_name
+    most: dict[str, float] = {}
+    for _, factors in candidate.traded:
+        most |= {name: max(most.get(name, 0.0), factor) for name, factor in factors.items()}
+    if all(after[name] <= factor * before[name] for name, factor in most.items()):
+        return found
+    if limits.budget is not None:
+        limits = replace(limits, budget=Budget(limits.budget.left + (operations() - began)))
+    other = refitted_with(fit, candidate.final, returned, limits)
+    return min(found, other, key=lambda one: one.cost)
 
 
 def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits = _LIMITS) -> Fit:

@@ -25,14 +25,14 @@ from identification.selection.evidence import EvaluatedModel, evaluated
 from identification.selection.omitted import OmittedTerm, omitted_terms, removal_steps
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import (
+    fitted_candidate,
     refined,
     refitted_as,
-    refitted_with,
     refitted_without,
 )
 from identification.selection.score import Score, with_fitted_hold
 from identification.selection.screen import screened
-from identification.selection.start import Start, traded
+from identification.selection.start import Start
 from identification.selection.tracing import missing_curves
 from identification.work import Budget, operations
 
@@ -254,8 +254,7 @@ class Trials:
                 starts = list(score.starts)
                 if score.candidate.tried is not None:
                     starts += [Start(values) for values in score.candidate.tried.T]
-                starts += traded(current.fit, score.candidate)
-                fit = refitted_with(current.fit, score.candidate.final, starts, limits)
+                fit = fitted_candidate(current.fit, score.candidate, starts, limits)
                 fit = self._fits[key] = fit.light()
             best = min(best, fit.cost)
             if fit.cost <= abandon_cost:

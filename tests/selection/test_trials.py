@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench import EffectRequest, make_campaign
-from identification.effects.effect import AbstractEffect, effects_of
+from identification.effects.effect import Candidate, effects_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits, continued
 from identification.selection import search
@@ -267,12 +267,12 @@ def test_a_friction_that_was_fitted_at_wrong_angles_is_fitted_again_at_those_of_
     current = extended(trials, cogging, "stribeck_friction")
 
     def hardly(
-        fit: Fit, term: AbstractEffect, starts: list[Start], limits: TerminationLimits
+        fit: Fit, candidate: Candidate, starts: list[Start], limits: TerminationLimits
     ) -> Fit:
-        return refitted_with(fit, term, starts, TerminationLimits(0))
+        return refitted_with(fit, candidate.final, starts, TerminationLimits(0))
 
     with monkeypatch.context() as patched:
-        patched.setattr(trials_module, "refitted_with", hardly)
+        patched.setattr(trials_module, "fitted_candidate", hardly)
         coulomb = [s for s in trials.scores(cogging) if s.structure[0] == "coulomb_friction"]
         ((_, stuck),) = trials.refits(cogging, coulomb[:1])
 
