@@ -185,36 +185,32 @@ def _changed(signals: Signals, hypothesis: _Hypothesis) -> Signals:
 
 def _judged(balances: Sequence[Balance]) -> _Judged | None:
     """Result that the balances over all window lengths have in common."""
-    pairs = [(b.electrical, b.mechanical) for b in balances]
-    fits = [(e, m) for e, m in pairs if e is not None and m is not None]
+    fits = [(e, m, b.heated) for b in balances if (e := b.electrical) and (m := b.mechanical)]
     if not fits:
         return None
-    heated = [b.heated for b in balances if b.electrical is not None and b.mechanical is not None]
     turned = [
         min([0.0] + [float(e.shares[k]) for k in (0, 1, 2) if _is_turned(e, h, k)])
-        for (e, _), h in zip(fits, heated, strict=True)
+        for e, _, h in fits
     ]
-    holds = [bool(e.values[0] > 0 and e.values[1] > 0 and m.values[0] > 0) for e, m in fits]
+    holds = [bool(e.values[0] > 0 and e.values[1] > 0 and m.values[0] > 0) for e, m, _ in fits]
     return _Judged(
         max(turned),
         all(holds),
-        min(e.missed + m.missed for e, m in fits),
-        min(m.missed for _, m in fits),
-        all(m.is_negative(0, _ERRORS, _SHARE) for _, m in fits),
-        all(m.is_negative(1, _ERRORS, _SHARE) for _, m in fits),
+        min(e.missed + m.missed for e, m, _ in fits),
+        min(m.missed for _, m, _ in fits),
+        all(_is_below(m, 0) for _, m, _ in fits),
+        all(_is_below(m, 1) for _, m, _ in fits),
     )
 
 
 def _is_turned(electrical: Regression, heated: Regression | None, k: int) -> bool:
-    """Whether R, K or L is significantly negative.
+    """Whether R or K is negative, also if they change with the temperature, or L, beside R."""
+    too = electrical.values[0] < 0.0 if k == 2 else heated is None or _is_below(heated, k)
+    return _is_below(electrical, k) and bool(too)
 
-    R and K have to be so if they change with the temperature, too; L only if R is negative.
-    """
-    if not electrical.is_negative(k, _ERRORS, _SHARE):
-        return False
-    if k == 2:
-        return bool(electrical.values[0] < 0.0)
-    return heated is None or heated.is_negative(k, _ERRORS, _SHARE)
+
+def _is_below(balance: Regression, k: int) -> bool:
+    return balance.is_negative(k, _ERRORS, _SHARE)
 
 
 def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
@@ -231,8 +227,9 @@ def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
     if before <= _UNSIGNED_MISSED:
         return []
     for names, restored in _restored(signals, unsigned):
+        # A channel whose restored sign is constant is reversed, which the other runs show.
         if not any(reverses(getattr(restored, CHANNELS[name])) for name in names):
-            continue  # a reversed channel, which the other runs show
+            continue
         # A restored voltage has another variance: compare the same squares.
         scale = float(np.var(restored.voltage) / np.var(signals.voltage))
         after = _missed(restored) * scale
