@@ -53,16 +53,18 @@ from identification.result.simulation_errors import (
     worse_runs,
 )
 from identification.selection.non_identifiable import linear_parts_of
-from identification.selection.omitted import consider_variances
+from identification.selection.omitted import OmittedTerm, consider_variances
 from identification.speed_loop import feedback_metrics
 from identification.speed_loop.nonlinear import nonlinear_entry
 from identification.warning import ResultWarning
 
-__all__ = ["assemble"]
+__all__ = ["assemble", "doubtful_parameters"]
 
 _CORRELATION_DIGITS = 6
 _DOUBTFUL = {"resistance_coefficient": ("Ra25", "alpha_Ra", "L")}
 """Parameters that an implausible value makes doubtful, however well the runs determine it."""
+_DOUBTFUL_IF_INCOMPLETE = {"electrical_time_constant": ("L",)}
+"""The same, if the residual also misses terms: L may hold the lag of a sensor."""
 _MOST_NAMED = 12
 """Largest number of runs that a warning on temperatures names."""
 
@@ -77,7 +79,7 @@ def assemble(findings: Findings) -> dict[str, object]:
     after = _parameters(final, findings.draws, findings.known, findings)
     findings, implausible = _reconsidered(findings)
     missed = missed_channels(analysis)
-    doubtful = {name for one in implausible for name in _DOUBTFUL.get(one.code, ())}
+    doubtful = doubtful_parameters(implausible, findings.omitted)
     for name in after if missed else doubtful:
         after[name] = after[name] | {"identified": False}
     of_effects = dict.fromkeys(findings.known, False) if missed else findings.known
@@ -127,6 +129,14 @@ def assemble(findings: Findings) -> dict[str, object]:
         "warnings": [str(warning) for warning in warnings],
         "warning_details": [warning.details() for warning in warnings],
     }
+
+
+def doubtful_parameters(implausible: Sequence[Finding], omitted: Sequence[OmittedTerm]) -> set[str]:
+    """Parameters that implausible values of the fit make doubtful; `omitted` are missed terms."""
+    doubtful: dict[str, tuple[str, ...]] = {**_DOUBTFUL}
+    if any(not (t.parameter or t.surrogate or t.gain is None) for t in omitted):
+        doubtful |= _DOUBTFUL_IF_INCOMPLETE
+    return {name for one in implausible for name in doubtful.get(one.code, ())}
 
 
 def _correlation(final: Fit, draws: dict[str, Array]) -> dict[str, object]:
