@@ -276,7 +276,8 @@ def _product(setting: str, text: str, *, is_signed: bool) -> dict[str, object]:
 
     A header may contain the operators: a divisor is a number, and one factor is a direction.
     """
-    *rest, word = re.split(r"(\s+[*/]\s+)", text)
+    # A run of blanks is tried from its first one only, or many blanks would take quadratic time.
+    *rest, word = re.split(r"((?<!\s)\s+[*/]\s+)", text)
     entry: dict[str, object] = {}
     scale = 1.0
     while rest:

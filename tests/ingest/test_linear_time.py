@@ -78,7 +78,7 @@ def test_time_grows_no_faster_than_the_text(name: str) -> None:
     for text in TEXTS:
         short = seconds(READERS[name], text)
         middle = len(text) // 2
-        longer = text[:1] + text[1:middle] * 4 + text[middle:]
+        longer = text[:1] + text[1:middle] * 7 + text[middle:]
 
         assert seconds(READERS[name], longer) < 8.0 * short + 0.003, text[:20]
 
