@@ -20,7 +20,6 @@ repeatable_algebra()
 LONG = (
     "app/test_torture.py",
     "checks/test_faults.py",
-    "contract/test_http_lost_network.py",
     "contract/test_http_signed_in.py",
     "contract/test_http_slow_answers.py",
     "contract/test_http_walk.py",
