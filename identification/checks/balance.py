@@ -99,15 +99,16 @@ def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
     for name in ("current_A", "speed_rad_s"):
         if name in run.clipped:
             joined &= ~(run.clipped[name][1:] | run.clipped[name][:-1])
-    logged = run.temperature is not None and float(np.ptp(run.temperature)) > _WARMS
-    warmth = run.temperature if run.temperature is not None and logged else run.time
+    warmth = run.time[:samples]
+    if run.temperature is not None and np.ptp(run.temperature[:samples]) > _WARMS:
+        warmth = run.temperature[:samples]
     return Signals(
         run.time[:samples],
         run.voltage[:samples],
         run.between_updates("current_A")[:samples],
         run.between_updates("speed_rad_s")[:samples],
         joined[: samples - 1],
-        (warmth[:samples] - warmth.mean()) / max(float(np.ptp(warmth)), 1e-300),
+        (warmth - warmth.mean()) / max(float(np.ptp(warmth)), 1e-300),
     )
 
 

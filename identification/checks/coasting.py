@@ -23,7 +23,7 @@ from identification.checks.finding import Finding
 from identification.checks.limited import noise_of
 from identification.ingest.run import Run
 
-__all__ = ["Coasting", "coasting_finding", "coasting_of", "without_pauses"]
+__all__ = ["Coasting", "all_marked", "coasting_finding", "coasting_of", "without_pauses"]
 
 _NEAR: Final = 4.0
 """Noise deviations within which a signal is zero."""
@@ -134,8 +134,8 @@ def _braking(signals: Signals, idle: Bool, length: int) -> float:
 
     The current is predicted over windows of `length` intervals, in deviations.
     """
-    joined = _all(signals.joined, length)
-    held = _all(idle, length + 1) & joined
+    joined = all_marked(signals.joined, length)
+    held = all_marked(idle, length + 1) & joined
     # The voltage is held or sloped between the samples, so the sums at both ends are regressors.
     v = _sums(signals.voltage, length)
     i, w = (
@@ -185,6 +185,6 @@ def _any(marked: Bool, length: int) -> Bool:
     return np.asarray(counts[length:] > counts[:-length])
 
 
-def _all(marked: Bool, length: int) -> Bool:
+def all_marked(marked: Bool, length: int) -> Bool:
     """(n - length + 1,) True for windows in which all values are marked."""
     return ~_any(~marked, length)

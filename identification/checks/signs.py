@@ -204,7 +204,7 @@ def _judged(balances: Sequence[Balance]) -> _Judged | None:
 
 
 def _is_turned(electrical: Regression, heated: Regression | None, k: int) -> bool:
-    """Whether R or K is negative, also if they change with the temperature, or L, beside R."""
+    """True if a coefficient is negative: R or K in both regressions, L only if R is negative."""
     too = electrical.values[0] < 0.0 if k == 2 else heated is None or _is_below(heated, k)
     return _is_below(electrical, k) and bool(too)
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from identification.arrays import Array, Bool, Index
 from identification.checks.balance import Signals, signals_of
+from identification.checks.coasting import all_marked
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 from identification.linear import solution
@@ -101,7 +102,7 @@ def stalled_finding(run: Run, stall: Stall) -> Finding:
 def _torque_balance(signals: Signals, rest: float) -> tuple[float, float] | None:
     """Acceleration per current and that of dry friction; None if the current does not turn it."""
     turning = np.abs(signals.speed) > rest
-    used = _all(turning[1:] & turning[:-1] & signals.joined)
+    used = all_marked(turning[1:] & turning[:-1] & signals.joined, _LENGTH)
     if np.count_nonzero(used) < _TURNING:
         return None
     time, speed = signals.time, signals.speed
@@ -138,9 +139,3 @@ def _means(signal: Array) -> Array:
     """(n_sample - length,) trapezoidal means over windows."""
     sums = np.cumsum(np.concatenate(([0.0], 0.5 * (signal[1:] + signal[:-1]))))
     return np.asarray((sums[_LENGTH:] - sums[:-_LENGTH]) / _LENGTH)
-
-
-def _all(marked: Bool) -> Bool:
-    """(n_interval - length + 1,) True for windows in which all intervals are marked."""
-    sums = np.cumsum(np.concatenate(([0], ~marked)))
-    return np.asarray(sums[_LENGTH:] == sums[:-_LENGTH])

@@ -134,7 +134,7 @@ def assemble(findings: Findings) -> dict[str, object]:
 def doubtful_parameters(implausible: Sequence[Finding], omitted: Sequence[OmittedTerm]) -> set[str]:
     """Parameters that implausible values of the fit make doubtful; `omitted` are missed terms."""
     doubtful: dict[str, tuple[str, ...]] = {**_DOUBTFUL}
-    if any(not (t.parameter or t.surrogate or t.gain is None) for t in omitted):
+    if any(not t.parameter and t.surrogate is None and t.gain is not None for t in omitted):
         doubtful |= _DOUBTFUL_IF_INCOMPLETE
     return {name for one in implausible for name in doubtful.get(one.code, ())}
 

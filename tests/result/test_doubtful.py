@@ -22,7 +22,7 @@ MISSED = OmittedTerm("current_filter", gain=150.0, chance=10.0, steps={"L": -1.0
         ([], set()),
         ([MISSED], {"L"}),
         ([replace(MISSED, parameter="L")], set()),
-        ([replace(MISSED, surrogate=0.02)], set()),
+        ([replace(MISSED, surrogate=0.0)], set()),
         ([replace(MISSED, name="current_gain", gain=None, chance=None)], set()),
     ],
 )
