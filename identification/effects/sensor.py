@@ -83,7 +83,8 @@ class _Filter(AbstractEffect, AbstractSensor):
     def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        return states.filtered + 0 * before
+        # Other errors of the sensor, such as its zero, remain.
+        return before + (states.filtered - getattr(signals, self.channel))
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

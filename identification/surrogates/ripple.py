@@ -182,7 +182,7 @@ class SpeedRipple(AbstractPeriodic, AbstractSensor):
     def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        return before * (1 + self.wave(signals, states, values))
+        return before + signals.speed * self.wave(signals, states, values)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.effect import CampaignScales, Candidate, register
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.ingest.run import Run
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
 from identification.result.schema import result_schema
-from identification.surrogates.unlisted import SURROGATES
+from identification.surrogates.unlisted import LAWS, SURROGATES
 
 CONTRACT = {
     "coulomb_friction": ("mechanical", ("speed",)),
@@ -188,6 +188,34 @@ def test_an_effect_of_no_size_leaves_the_declared_equations_as_they_are(name: st
     expected = plain([2.0, 50.0], inputs, VALUES)
     for a, b in zip(found, expected, strict=True):
         np.testing.assert_allclose(np.asarray(a), np.asarray(b), rtol=1e-12)
+
+
+def _equations(terms: tuple[AbstractEffect, ...]) -> dict[str, float]:
+    """Rates of the states and readings of the sensors at one point, by name."""
+    model, rng = MotorModel(terms), np.random.default_rng(5)
+    names = [p.name for p in model.parameters]
+    own = [p.prior_mean + 0.3 * p.scale for term in terms for p in term.parameters]
+    values = dict(zip(names, [*VALUES, *own], strict=True))
+    points = {name: float(rng.uniform(0.1, 0.9)) for name in INPUTS}
+    where = {name: 1.0 + 0.1 * (sum(map(ord, name)) % 7) for name in model.state_names}
+    symbols = model.symbols()
+    equations = ca.Function("equations", list(symbols), list(model.assembled(*symbols)))
+    at = ([where[name] for name in model.state_names], list(points.values()), list(values.values()))
+    rates, readings = (np.asarray(found).ravel() for found in equations(*at))
+    found = dict(zip(model.state_names, rates, strict=True))
+    return found | dict(zip(("logged current", "logged speed"), readings, strict=True))
+
+
+def test_effects_act_in_the_same_way_in_whichever_order_they_are_added() -> None:
+    """A filter of a sensor, added after its zero error, keeps that error."""
+    laws: dict[str, dict[str, AbstractEffect]] = {}
+    for kind in (*CATALOGUE.values(), *SURROGATES, *LAWS):
+        for candidate in kind.candidates(_scales()):
+            laws.setdefault(candidate.final.name, {})[candidate.final.variant] = candidate.final
+    for k in range(max(map(len, laws.values()))):
+        terms = tuple(list(own.values())[k % len(own)] for own in laws.values())
+
+        assert _equations(terms) == pytest.approx(_equations(terms[::-1]), rel=1e-12)
 
 
 def test_every_effect_with_amplitudes_of_each_record_takes_their_prior() -> None:
