@@ -58,6 +58,7 @@ from identification.ingest.run import Run
 __all__ = [
     "heating_findings",
     "is_refuted",
+    "longest_electrical",
     "plausibility_findings",
     "resistance_findings",
     "time_constant_findings",
@@ -184,15 +185,19 @@ def time_constant_findings(
     resistance, constant = values["Ra25"], values["Kt25"]
     if not (resistance > 0.0 and constant > 0.0 and trusted["Ra25"] and trusted["Kt25"]):
         return []
-    found = []
-    is_small = constant <= _SMALL * resistance**0.5
-    longest = _ELECTRICAL_S[0 if is_small else 1]
+    found, longest = [], longest_electrical(values)
     if trusted["L"] and values["L"] / resistance > longest:
         found.append(_electrical(values["L"] / resistance, longest))
     mechanical = values["J"] * resistance / constant**2
     if trusted["J"] and not _MECHANICAL_S[0] <= mechanical <= _MECHANICAL_S[1]:
         found.append(_mechanical(mechanical))
     return found
+
+
+def longest_electrical(values: Mapping[str, float]) -> float:
+    """Longest electrical time constant L / Ra of motors of that size [s]."""
+    is_small = values["Kt25"] <= _SMALL * max(values["Ra25"], 0.0) ** 0.5
+    return _ELECTRICAL_S[0 if is_small else 1]
 
 
 def _electrical(time: float, longest: float) -> Finding:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar, Literal, Self, TypeVar
 
 from identification.arrays import Array
@@ -66,6 +66,8 @@ class CampaignScales:
     """Prominent orders of the residual, in periods per revolution [-]."""
     frequencies: tuple[float, ...] = ()
     """Prominent frequencies of the residual; only the search for surrogates has them [Hz]."""
+    effects: Mapping[str, float] = field(default_factory=dict)
+    """Values of the parameters of effects in the fit, such as ``speed_filter.time_constant``."""
 
     def nominal(self, name: str) -> float:
         """Value of a nominal parameter in the fit, such as ``Ra25`` [unit of the parameter]."""

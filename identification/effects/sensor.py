@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from identification.arrays import Array
 from identification.effects.confusion import INDUCTANCE
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import columns, shape
@@ -28,8 +29,8 @@ _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- 
 
 
 _INDUCTANCES = (0.5, 0.2, 0.05)
-"""Fractions of a fitted inductance that may remain once a current filter takes up the lag, so that
-the sum of both lags is unchanged."""
+"""Fractions of a fitted inductance that may remain once filters take up the lag, so that the sum of
+the lags of each channel is unchanged."""
 
 
 @dataclass(frozen=True)
@@ -90,15 +91,32 @@ class _Filter(AbstractEffect, AbstractSensor):
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         scanned = [f * scales.interval for f in (0.7, 3.0, 12.0, 50.0)]
         ends = 0.1 * scales.interval, 300 * scales.interval
-        # A fit without a filter of the current explains its lag by a larger inductance.
-        lag = scales.nominal("L") / scales.nominal("Ra25")
-        left = _INDUCTANCES if cls.channel == "current" else ()
         found = []
         for order, second in ((1, ()), (2, (0.4,))):
             starts = columns(*[(time, *second) for time in scanned])
-            traded = tuple((np.array([(1.0 - x) * lag, *second]), {"L": x}) for x in left)
-            found.append(Candidate(cls(*ends, order), starts, traded=traded))
+            found.append(Candidate(cls(*ends, order), starts, traded=cls._traded(scales, second)))
         return found
+
+    @classmethod
+    def _traded(
+        cls, scales: CampaignScales, second: tuple[float, ...]
+    ) -> tuple[tuple[Array, dict[str, float]], ...]:
+        """Starts at which the inductance returns the lag that it has taken from the filter.
+
+        A fit without a filter of the current explains its lag by a larger inductance.  That lags
+        the speed as well, so that a filter of the speed lacks its lag too; it is returned if a
+        filter of the current takes its part.
+        """
+        lag = scales.nominal("L") / scales.nominal("Ra25")
+        other = f"{'speed' if cls.channel == 'current' else 'current'}_filter.time_constant"
+        time = scales.effects.get(other)
+        if time is None:
+            left = _INDUCTANCES if cls.channel == "current" else ()
+            return tuple((np.array([(1.0 - x) * lag, *second]), {"L": x}) for x in left)
+        return tuple(
+            (np.array([(1.0 - x) * lag, *second]), {"L": x, other: 1.0 + (1.0 - x) * lag / time})
+            for x in _INDUCTANCES
+        )
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ def scales_of(fit: Fit) -> CampaignScales:
         values=fit.values[: len(DECLARED)],
         angle_logged=all(record.angle_logged for record in records),
         orders=orders_of(records, fit.residuals(), HIGHEST_ORDER),
+        effects={name: value for name, value in fit.by_name.items() if "." in name},
     )
 
 

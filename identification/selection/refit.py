@@ -80,7 +80,7 @@ def fitted_candidate(
     most: dict[str, float] = {}
     for _, factors in candidate.traded:
         most |= {name: max(most.get(name, 0.0), factor) for name, factor in factors.items()}
-    if all(after[name] <= factor * before[name] for name, factor in most.items()):
+    if all(after[name] <= factor * before[name] for name, factor in most.items() if factor < 1.0):
         return found
     if limits.budget is not None:
         limits = replace(limits, budget=Budget(limits.budget.left + (operations() - began)))

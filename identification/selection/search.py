@@ -14,8 +14,8 @@
     10      unless a candidate predicts more than the last effect did:
     11          remove effects that no longer meet the criteria           steps.backward
     12          replace effects by types that rank better                 steps.exchange
-    13  if exhausted and the residual has structure: repeat 2 to 7 from
-            the runner-up models of round 1, keep the better model        _restart
+    13  if exhausted and the residual has structure, or L is implausible:
+            repeat 2 to 7 from other models, keep the best                restart.restart
     14  M <- C if it ranks and predicts better; otherwise, if exhausted,
             M <- M with a curve that meets the criteria, then 11 and 12   _add_curve
     15  replace effects by types that rank better in evaluated models     _effects_of
@@ -47,6 +47,7 @@ from identification.selection.evidence import (
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import with_known_amplitudes
+from identification.selection.restart import restart
 from identification.selection.score import Score
 from identification.selection.steps import (
     State,
@@ -117,7 +118,7 @@ def search(
         exchange(state)
     report(policy.rounds / (policy.rounds + 2))
     if is_exhausted and not listed.spent:
-        _restart(state)
+        restart(state, _has_structure)
     is_cut_short |= _is_overrun(trials)
     _add_curve(state, is_exhausted=is_exhausted)
     report((policy.rounds + 1) / (policy.rounds + 2))
@@ -170,29 +171,6 @@ def _refunded(began: float, *budgets: Budget) -> float:
     for budget in budgets:
         budget.extend(now - began)
     return now
-
-
-def _restart(state: State) -> None:
-    """Repeat the selection from runner-up models of round 1 if the residual still has structure.
-
-    A flexible effect can absorb a second one.  Example: a Stribeck friction that is selected first
-    also fits a dry friction, which then has no predicted gain.  If the dry friction is selected
-    first, the Stribeck friction still has a predicted gain.
-    """
-    trials = state.trials
-    if not state.current.fit.simulator.model.terms or not _has_structure(state):
-        return
-    for runner_up in trials.runners_up()[: trials.policy.runners]:
-        if trials.budget.spent:
-            return
-        other = State(trials, state.nominal, runner_up, state.searched)
-        for _ in range(trials.policy.rounds - 1):
-            if not forward(other):
-                break
-            enrich(other)
-        if other.current is not runner_up and is_better(other.current, state.current):
-            state.current = other.current
-            backward(state)
 
 
 def _has_structure(state: State) -> bool:

@@ -1,4 +1,4 @@
-"""A filter of the current takes its lag back from the inductance, also from a local optimum."""
+"""Filters of the sensors take their lags back from the inductance, also from a local optimum."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from identification.effects.sensor import CurrentFilter
+from identification.effects.sensor import CurrentFilter, SpeedFilter
+from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits
 from identification.ingest import Run
@@ -15,26 +16,31 @@ from identification.model.excitation import records_of
 from identification.model.term import AbstractTerm
 from identification.selection import refit
 from identification.selection.candidates import scales_of
+from identification.selection.restart import restart
 from identification.selection.start import Start
+from identification.selection.steps import State
+from identification.selection.trials import Trials
 
 R, K, L, J, B, FILTER, STEP, ROWS = 4.2, 0.018, 3e-3, 2.5e-6, 8e-6, 10e-3, 1e-3, 1500
+SPEED_FILTER = 5e-3
 
 
-def filtered_run() -> Run:
+def filtered_run(speed_filter: float = 0.0, seed: int = 5) -> Run:
     """Steps of a small motor in both directions, the current through a filter."""
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(seed)
     voltage = np.repeat(rng.uniform(-12.0, 12.0, ROWS // 150), 150)
-    i, w, shown = 0.0, 0.0, 0.0
+    i, w, shown, turning = 0.0, 0.0, 0.0, 0.0
     current, speed = np.zeros(ROWS), np.zeros(ROWS)
     for k in range(ROWS):
-        current[k], speed[k] = shown, w
+        current[k], speed[k] = shown, turning if speed_filter else w
         for _ in range(20):
             i += STEP / 20 / L * (voltage[k] - R * i - K * w)
             w += STEP / 20 / J * (K * i - B * w)
             shown += (i - shown) * STEP / 20 / FILTER
+            turning += (w - turning) * STEP / 20 / (speed_filter or FILTER)
     current += rng.normal(0.0, 0.01, ROWS)
     speed += rng.normal(0.0, 1.0, ROWS)
-    return Run("r.csv", "r", STEP * np.arange(ROWS, dtype=np.float64), voltage, current, speed)
+    return Run(f"{seed}.csv", str(seed), STEP * np.arange(ROWS, dtype=np.float64), voltage, current, speed)
 
 
 def test_a_fit_that_ends_with_the_whole_lag_in_the_inductance_is_repeated(
@@ -61,3 +67,37 @@ def test_a_fit_that_ends_with_the_whole_lag_in_the_inductance_is_repeated(
     assert starts_of_fits == [1 + len(candidate.traded), len(candidate.traded)]
     assert found["current_filter.time_constant"] == pytest.approx(FILTER, rel=0.2)
     assert found["L"] < 3.0 * L
+
+
+def test_filters_of_both_sensors_leave_the_inductance_of_the_motor() -> None:
+    """The lag of the inductance in the speed is returned only if both filters take their parts."""
+    fit = fit_declared(records_of([filtered_run(SPEED_FILTER)]), "zoh")
+    absorbed = fit.by_name["L"]
+    for law in (CurrentFilter, SpeedFilter):
+        candidate = law.candidates(scales_of(fit))[0]
+        fit = refit.fitted_candidate(fit, candidate, [Start(candidate.starts[:, 0])])
+    found = fit.by_name
+
+    assert absorbed > 5.0 * L
+    assert found["L"] == pytest.approx(L, rel=0.2)
+    assert found["current_filter.time_constant"] == pytest.approx(FILTER, rel=0.05)
+    assert found["speed_filter.time_constant"] == pytest.approx(SPEED_FILTER, rel=0.05)
+
+
+def test_a_compliance_of_the_shaft_gives_way_to_the_lags_of_both_sensors() -> None:
+    """Beside an inductance of no motor of this size, the search tries a filter in its place."""
+    runs = [filtered_run(SPEED_FILTER, seed) for seed in (5, 6)]
+    campaign = campaign_of(runs[:1], runs[1:])
+    trials = Trials(campaign)
+    nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
+    shafts = [s for s in trials.scores(nominal) if s.candidate.term.name == "shaft_compliance"]
+    [(_, fit), *_] = trials.refits(nominal, shafts)
+    state = State(trials, nominal, trials.evaluate(trials.finished(fit)))
+    absorbed = state.current.fit.by_name["L"]
+
+    restart(state, lambda state: False)
+
+    found = state.current.fit
+    assert absorbed > 5.0 * L
+    assert {term.name for term in found.simulator.model.terms} == {"current_filter", "speed_filter"}
+    assert found.by_name["L"] == pytest.approx(L, rel=0.3)
