@@ -8,7 +8,6 @@ The samples of each name are a channel with a clock of its own, as in TDMS or MD
 
 from __future__ import annotations
 
-import codecs
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -23,7 +22,7 @@ from identification.ingest.file import RunFile
 from identification.ingest.formats.clocks import Signal, SignalTable
 from identification.ingest.names import is_channel_name
 from identification.ingest.run import RunWarning
-from identification.ingest.text.blocks import Splitter
+from identification.ingest.text.blocks import Splitter, utf_16_of
 from identification.ingest.text.cells import (
     ClockTimes,
     is_time_of_day,
@@ -58,8 +57,8 @@ class LongReader:
 
     def recognises(self, name: str, head: bytes) -> bool:
         """Return True if one of the first lines is such a header."""
-        codec = "utf-16" if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8"
-        return any(map(_header, head.decode(codec, "replace").splitlines()[:_TITLES]))
+        text = head.decode(utf_16_of(head) or "utf-8", "replace")
+        return any(map(_header, text.splitlines()[:_TITLES]))
 
     def open(self, file: RunFile) -> SignalTable:
         """Read all rows into one signal for each name.

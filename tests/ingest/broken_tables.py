@@ -110,8 +110,14 @@ BROKEN_TABLES = (
     Refusal("zeros", bytes(5000), errors.NotText, "not text"),
     Refusal("noise", np.random.default_rng(3).bytes(5000), errors.NotText, "not text"),
     Refusal(
-        "UTF-16 without mark",
-        write(record(), Dialect(encoding="utf-16-le")),
+        "16-bit samples",
+        np.round(127 + 120 * np.sin(np.arange(5000) / 20)).astype("<i2").tobytes(),
+        errors.NotText,
+        "not text",
+    ),
+    Refusal(
+        "UTF-32 without mark",
+        write(record(), Dialect(encoding="utf-32-le")),
         errors.NotText,
         "not text",
     ),

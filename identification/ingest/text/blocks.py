@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from identification.errors import EmptyFile, FileTooLarge, LineTooLong, NotText, RunFileError
 from identification.ingest.file import Limits
 
-__all__ = ["Block", "Splitter"]
+__all__ = ["Block", "Splitter", "utf_16_of"]
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ _SIGNATURES = (
     (b"\x93NUMPY", "a NumPy array"),
 )
 _CONTROL = bytes(code for code in range(1, 32) if code not in b"\t\n\v\f\r\x1a")
+_HEAD_BYTES = 65_536
 _EXPORT = "export it as a text table (CSV, UTF-8)"
 
 
@@ -108,12 +109,10 @@ class Splitter:
                 raise NotText(f"this is {what}, not a text table; {_EXPORT}")
         if chunk.startswith((b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")):
             raise NotText(f"the text is in UTF-32; {_EXPORT}")
-        if chunk.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            little = chunk.startswith(codecs.BOM_UTF16_LE)
-            codec = "utf-16-le" if little else "utf-16-be"
+        if (codec := utf_16_of(chunk)) is not None:
             # Broken characters become replacement characters, so the error names their row.
             self._decoder = codecs.getincrementaldecoder(codec)("replace")
-        elif _looks_binary(chunk[:65536]):
+        elif _looks_binary(chunk[:_HEAD_BYTES]):
             raise NotText(f"the bytes are not text; {_EXPORT}")
         text = self._to_utf8(chunk).removeprefix(codecs.BOM_UTF8)
         if b"\n" not in text and b"\r" in text:
@@ -153,6 +152,20 @@ class Splitter:
             "expected one sample per line with a few numbers",
             row=line,
         )
+
+
+def utf_16_of(content: bytes) -> str | None:
+    """Codec of a text in UTF-16, from its first bytes; None for any other content.
+
+    Without a byte order mark, nine of ten characters are those of ASCII, whose second byte is zero.
+    """
+    for codec, mark in (("utf-16-le", codecs.BOM_UTF16_LE), ("utf-16-be", codecs.BOM_UTF16_BE)):
+        if content.startswith(mark):
+            return codec
+        high, low = (content[codec.endswith(end) : _HEAD_BYTES : 2] for end in ("le", "be"))
+        if high.count(0) * 10 > len(low) * 9 and b"\n" in low and not _looks_binary(low):
+            return codec
+    return None
 
 
 def _looks_binary(head: bytes) -> bool:
