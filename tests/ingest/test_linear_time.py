@@ -18,7 +18,7 @@ from app.commands.arguments import mapping_of
 from identification.errors import InputError
 from identification.ingest import read_mapping, read_run
 from identification.ingest.names import is_units_row, read_header, similar_to
-from identification.ingest.text.bare import is_affixed, is_grouped
+from identification.ingest.text.bare import BareCells, is_affixed, is_grouped
 from identification.ingest.text.cells import expected_instead, is_clock, is_number, split_cells
 from identification.ingest.text.interval import stated_interval
 from identification.ingest.units import find_unit, unit_in_another_case
@@ -49,6 +49,7 @@ READERS: dict[str, Callable[[str], object]] = {
     "clock": is_clock,
     "thousands": is_grouped,
     "label or unit": is_affixed,
+    "line with labels": BareCells.of(";", ["t:1 s", "U:1 V"]).line,
     "blanks": lambda text: split_cells(text, " "),
     "interval": lambda text: stated_interval([text]),
     "no number": lambda text: expected_instead(text, "s"),

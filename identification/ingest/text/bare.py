@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import is_number, split_cells
@@ -86,6 +87,8 @@ class BareCells:
 
     def line(self, text: str) -> str:
         """The line with plain cells, if it has as many as the first sample."""
+        if self.clock < 0 and (usual := self._usual.fullmatch(text)) is not None:
+            return self.delimiter.join(usual.groups())
         cells = split_cells(text, self.delimiter)
         if len(cells) != len(self.labels):
             return text
@@ -102,6 +105,21 @@ class BareCells:
     def block(self, block: Block) -> Block:
         """All lines of a block with plain cells."""
         return replace(block, text="\n".join(map(self.line, block.lines)).encode())
+
+    @cached_property
+    def _usual(self) -> re.Pattern[str]:
+        """Pattern of most lines, whose groups are the plain numbers; other lines take longer."""
+        number = r"([+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)".replace(self.delimiter, "")
+        gap = r"[ \t]+" if self.delimiter == " " else rf"[ \t]*{re.escape(self.delimiter)}[ \t]*"
+        return re.compile(
+            gap.join(
+                (rf"{re.escape(label)}[:=]\s?" if label else "")
+                + number
+                + (f" ?{re.escape(unit)}" if unit else "")
+                for label, unit in zip(self.labels, self.units, strict=True)
+            ),
+            re.ASCII,
+        )
 
     def _cell(self, cell: str, label: str, unit: str) -> str:
         found, number, of = _parts(cell)
