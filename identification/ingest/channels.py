@@ -76,6 +76,11 @@ class Channel:
         """True if the channel is often logged at a lower rate, which leaves cells blank."""
         return self.name == "temperature_degC"
 
+    @property
+    def may_lack(self) -> bool:
+        """True if a row may have no value of the channel, as that of another message of a bus."""
+        return self.name != "time_s" and not self.is_direction
+
 
 def assign_channels(
     columns: Sequence[Column], mapping: Mapping[str, ChannelMapping]

@@ -16,10 +16,10 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.errors import NoRows, NotANumber, RaggedRow
+from identification.ingest.clocks import Signal, SignalTable
 from identification.ingest.columns import describe_column
 from identification.ingest.display import plain, quoted
 from identification.ingest.file import RunFile
-from identification.ingest.formats.clocks import Signal, SignalTable
 from identification.ingest.names import is_channel_name
 from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Splitter, utf_16_of

@@ -21,10 +21,10 @@ from identification.arrays import Array
 from identification.errors import AbsurdValue, FileTooLarge, MissingColumn, RaggedRow, TooFewRows
 from identification.ingest.channels import Channel
 from identification.ingest.clipping import find_clipped
+from identification.ingest.clocks import apart
 from identification.ingest.columns import Column, similar_columns
 from identification.ingest.derived import unwrapped, with_speed, with_voltage
 from identification.ingest.display import listed, plain
-from identification.ingest.faults import Faults
 from identification.ingest.file import Limits, RunFile, naming, open_run_file, unpacked
 from identification.ingest.formats import FORMAT_READERS
 from identification.ingest.frame import Frame
@@ -38,8 +38,7 @@ from identification.ingest.reader import (
     Samples,
     SourceTable,
     TableSet,
-    blank_cell,
-    not_finite,
+    refuse_not_finite,
 )
 from identification.ingest.run import Run, RunWarning, Source, SourceLocator
 from identification.ingest.supplied import requested, supplied
@@ -150,6 +149,8 @@ def _run(
     table, channels = choose_table(opened, mapping)
     samples = table.read(requested(channels))
     _check_size(samples, limits)
+    samples = apart(samples, requested(channels), file.name)
+    _check_size(samples, limits)
     labels = {name: channel.column.label for name, channel in channels.items()}
     locator = SourceLocator(file.name, labels, samples.row)
     samples, supplies = supplied(samples, channels, locator)
@@ -199,7 +200,7 @@ def _values(
     channels: dict[str, Channel], samples: Samples, locator: SourceLocator
 ) -> tuple[dict[str, Array], list[RunWarning]]:
     """Channels in SI units, with an increasing time and an angle without jumps."""
-    _refuse_not_finite(channels, samples, locator)
+    refuse_not_finite(channels.values(), samples.cells, locator.row)
     warnings: list[RunWarning] = []
     values: dict[str, Array] = {}
     clock = samples.cells["time_s"]
@@ -222,22 +223,6 @@ def _values(
         if name == "time_s":
             check_time(values[name], locator)
     return values, warnings
-
-
-def _refuse_not_finite(
-    channels: dict[str, Channel], samples: Samples, locator: SourceLocator
-) -> None:
-    """Reject infinities, and blanks of channels that must not have any, all at once."""
-    faults = Faults()
-    for name, channel in channels.items():
-        cells = samples.cells[name]
-        blank = np.isnan(cells)
-        faulty = np.isinf(cells) if channel.may_be_blank else np.isinf(cells) | blank
-        for sample in np.flatnonzero(faulty).tolist():
-            row = locator.row(sample)
-            infinite = not_finite(str(cells[sample]), channel, row)
-            faults.add(blank_cell(channel, row) if blank[sample] else infinite)
-    faults.refuse()
 
 
 def _filled(

@@ -7,7 +7,7 @@ common to all formats.  docs/write-a-reader.md shows a complete reader.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -19,10 +19,20 @@ from identification.errors import MissingValue, NotFinite
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
 from identification.ingest.display import quoted
+from identification.ingest.faults import Faults
 from identification.ingest.file import RunFile
 from identification.ingest.run import RunWarning
 
-__all__ = ["ArrayTable", "Reader", "Samples", "SourceTable", "TableSet", "blank_cell", "not_finite"]
+__all__ = [
+    "ArrayTable",
+    "Reader",
+    "Samples",
+    "SourceTable",
+    "TableSet",
+    "blank_cell",
+    "not_finite",
+    "refuse_not_finite",
+]
 
 
 @dataclass(frozen=True)
@@ -103,9 +113,9 @@ class ArrayTable:
 def blank_cell(channel: Channel, row: int) -> MissingValue:
     """Error for a blank cell of a channel that must not have any."""
     return MissingValue(
-        f"the cell is blank; expected a number in {channel.unit.name} (only a temperature that is "
-        "logged at a lower rate may have blank cells); fill the cell, cut the run there, or export "
-        "all channels at the same times",
+        f"the cell is blank; expected a number in {channel.unit.name} (a channel with times of "
+        "its own is blank in at least a third of the rows); fill the cell, cut the run there, or "
+        "export all channels at the same times",
         row=row,
         column=channel.column.label,
     )
@@ -120,3 +130,29 @@ def not_finite(cell: str, channel: Channel, row: int) -> NotFinite:
         column=channel.column.label,
         value=cell,
     )
+
+
+def refuse_not_finite(
+    channels: Iterable[Channel],
+    cells: Mapping[str, Array],
+    row: Callable[[int], int],
+    faults: Faults | None = None,
+) -> None:
+    """Reject infinities, and blanks of channels that must not have any, all at once.
+
+    Args:
+        channels: Channels of the table.
+        cells: Channel name to (n_sample,), NaN where a cell is blank.
+        row: Function from sample index to row in the file.
+        faults: Faults that were found before, which are reported with these.
+    """
+    faults = faults or Faults()
+    for channel in channels:
+        values = cells[channel.name]
+        blank = np.isnan(values)
+        faulty = np.isinf(values) if channel.may_be_blank else np.isinf(values) | blank
+        for sample in np.flatnonzero(faulty).tolist():
+            at = row(sample)
+            infinite = not_finite(str(values[sample]), channel, at)
+            faults.add(blank_cell(channel, at) if blank[sample] else infinite)
+    faults.refuse()

@@ -20,14 +20,15 @@ import numpy as np
 from identification.arrays import Array
 from identification.errors import DuplicateColumn, InputError, MissingColumn, RunFileError
 from identification.ingest.channels import Channel, assign_channels
+from identification.ingest.clocks import Signal, SignalTable, has_value, is_apart, joined
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
 from identification.ingest.faults import collected, refuse_all
 from identification.ingest.file import Limits, RunFile, naming, open_run_file
-from identification.ingest.formats.clocks import Signal, SignalTable, joined
 from identification.ingest.mapping import ChannelMapping, read_mapping
 from identification.ingest.names import is_sample_number
 from identification.ingest.read import READERS, opened, read_run
+from identification.ingest.reader import refuse_not_finite
 from identification.ingest.run import Run, RunWarning, SourceLocator
 from identification.ingest.supplied import requested, supplied
 from identification.ingest.tables import closest_table
@@ -140,7 +141,15 @@ def _content(file: RunFile, clock: ChannelMapping | None, errors: list[RunFileEr
     locator = SourceLocator(file.name, {"time_s": time.column.label}, samples.row)
     read, _ = supplied(samples, {"time_s": time}, locator)
     seconds = time.unit.factor * (read.cells["time_s"] * time.scale + time.offset)
-    signals = tuple(_signal(v.column, file, seconds, samples.cells[v.name]) for v in values)
+    filled = {v.name: has_value(samples.cells[v.name]) for v in values}
+    lacking = [
+        v for v in values if not np.all(filled[v.name]) and not is_apart(samples.cells[v.name])
+    ]
+    refuse_not_finite(lacking, samples.cells, samples.row)
+    signals = tuple(
+        _signal(v.column, file, seconds[filled[v.name]], samples.cells[v.name][filled[v.name]])
+        for v in values
+    )
     return _Content(file.name, file.sha256(), seconds, signals, samples.warnings)
 
 

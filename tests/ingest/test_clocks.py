@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification import errors
 from identification.ingest import Run, RunFile, read_run
-from identification.ingest.formats.clocks import Signal, SignalTable
+from identification.ingest.clocks import Signal, SignalTable
 
 Array = NDArray[np.float64]
 

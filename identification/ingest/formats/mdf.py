@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.arrays import Array
+from identification.ingest.cells import refuse_large
+from identification.ingest.clocks import Signal, SignalTable, joined
 from identification.ingest.file import RunFile
-from identification.ingest.formats.cells import refuse_large
-from identification.ingest.formats.clocks import Signal, SignalTable, joined
 from identification.ingest.formats.library import decoding, imported
 from identification.ingest.reader import SourceTable, TableSet
 

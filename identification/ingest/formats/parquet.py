@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.errors import UnsupportedContent
+from identification.ingest.cells import ColumnTable, refuse_large
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.file import RunFile
-from identification.ingest.formats.cells import ColumnTable, refuse_large
 from identification.ingest.formats.library import decoding, imported
 
 if TYPE_CHECKING:

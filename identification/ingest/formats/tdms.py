@@ -17,11 +17,11 @@ from numpy.typing import ArrayLike
 
 from identification.arrays import Array
 from identification.errors import UnsupportedContent
+from identification.ingest.cells import ColumnTable, numbers, refuse_large
+from identification.ingest.clocks import Signal, SignalTable, joined
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import plain, quoted
 from identification.ingest.file import RunFile
-from identification.ingest.formats.cells import ColumnTable, numbers, refuse_large
-from identification.ingest.formats.clocks import Signal, SignalTable, joined
 from identification.ingest.formats.library import decoding, imported
 from identification.ingest.reader import SourceTable, TableSet
 from identification.ingest.run import RunWarning

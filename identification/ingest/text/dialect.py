@@ -248,8 +248,17 @@ def _best_delimiter(
         score = sum(s for s, cells in zip(shares, rows, strict=True) if len(cells) == fields)
         if best is None or score > best[0]:
             at = next(k for k, s in enumerate(shares) if s and len(rows[k]) == fields)
+            while at and _is_sparse(rows[at - 1], fields):
+                at -= 1
             best = (score, delimiter, fields, at)
     return best
+
+
+def _is_sparse(cells: list[str], fields: int) -> bool:
+    """Return True for a row with a time and without the values of most channels."""
+    return (
+        len(cells) == fields and "" in cells[1:-1] and (is_number(cells[0]) or is_clock(cells[0]))
+    )
 
 
 def _share_of_numbers(cells: list[str], is_value: Callable[[str], bool]) -> float:

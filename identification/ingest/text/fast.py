@@ -1,7 +1,7 @@
 """Fast path: parse a block of sample lines with the C reader of pandas, after strict checks.
 
-Every line must have the expected number of fields, and every cell must be a number; blanks are
-allowed only in channels logged at a lower rate.  A block that fails a check is declined and not
+Every line must have the expected number of fields, and every cell must be a number or blank, and
+the time a number.  A block that fails a check is declined and not
 repaired; `CellReader` then reads it cell by cell and reports the fault.
 """
 
@@ -42,15 +42,14 @@ def read_clean(
     ):
         return None
     columns = _parsed(text, layout, channels, {}, decimal)
-    blanks = {str(c.column.index): [""] for c in channels if c.may_be_blank}
+    blanks = {str(c.column.index): [""] for c in channels if c.may_lack}
     # Blank handling is slow, so it is tried only after parsing without it has failed.
     if columns is None and blanks and _has_equal_rows(text, count, layout):
         columns = _parsed(text, layout, channels, blanks, decimal)
     if columns is None or columns[0].size != count:
         return None
-    for channel, column in zip(channels, columns, strict=True):
-        if np.any(np.isinf(column)) or (not channel.may_be_blank and np.any(np.isnan(column))):
-            return None
+    if any(map(np.any, map(np.isinf, columns))) or np.any(np.all(np.isnan(columns), axis=0)):
+        return None
     return columns
 
 

@@ -261,7 +261,7 @@ class SampleReader:
 
     def _number(self, cell: str, channel: Channel, line: int) -> float:
         if not cell:
-            if channel.may_be_blank:
+            if channel.may_lack:
                 return math.nan
             raise blank_cell(channel, line)
         if self._clock is not None and channel.name == "time_s":

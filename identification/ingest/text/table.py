@@ -10,9 +10,10 @@ import numpy as np
 
 from identification.errors import NoRows
 from identification.ingest.channels import Channel
+from identification.ingest.clocks import is_apart
 from identification.ingest.columns import Column, describe_column, read_columns
 from identification.ingest.file import Limits, RunFile
-from identification.ingest.reader import Samples
+from identification.ingest.reader import Samples, refuse_not_finite
 from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block, Splitter
 from identification.ingest.text.cells import is_time_of_day
@@ -98,8 +99,12 @@ class TextTable:
         bare = self._layout.bare
         for block in self._blocks:
             reader.add(bare.block(block) if bare else block)
-        reader.faults.refuse()
-        if not reader.lines.total:
+        found = reader.samples() if reader.lines.total else {}
+        if not reader.faults.is_empty:
+            # Blank cells are reported with them, except where a row has some channels only.
+            lacking = [c for c in cells if found and not is_apart(found[c.name])]
+            refuse_not_finite(lacking, found, reader.lines.line, reader.faults)
+        if not found:
             raise NoRows(
                 "no sample below the header; expected one line for each sample",
                 row=self._layout.header_line,
@@ -127,7 +132,6 @@ class TextTable:
             warnings.append(
                 RunWarning(code="probe_attenuation", message=text, file=self._file, column=label)
             )
-        found = reader.samples()
         clock = self._layout.preamble.implied
         for channel in channels:
             if channel.name not in found and clock is not None:

@@ -5,32 +5,37 @@ only if current or speed is logged faster by more than `_RATE_RATIO`, the clock 
 The other channels follow by a stated method: a voltage keeps its previous value, any other channel
 is interpolated linearly.  Nothing is extrapolated and no gap is bridged, except by a temperature.
 A union of all clocks would repeat slow channels at times at which nothing was measured.
+
+A table with a row for each message, as of a CAN bus, has blank cells where a channel was not sent;
+a channel without a value in at least a third of the rows has the times of its values.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification.arrays import Array
 from identification.errors import BackwardTime, NoRows, RaggedRow
+from identification.ingest.cells import numbers
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column
-from identification.ingest.formats.cells import numbers
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
 from identification.ingest.timing import find_gaps
 
-__all__ = ["Signal", "SignalTable", "joined"]
+__all__ = ["Signal", "SignalTable", "apart", "has_value", "is_apart", "joined"]
 
 _RATE_RATIO = 1.5
 _MEASURED = ("voltage_V", "current_A", "speed_rad_s")
 _HELD = ("voltage_V", "duty", "bus_voltage_V")
+_FEWEST_BLANKS = 1.0 / 3.0
+"""Fraction of blank cells from which a channel has a clock of its own; fewer are lost values."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,8 @@ class Signal:
     """Function that returns its samples, (n_sample,)."""
     attenuation: float = 1.0
     """Probe attenuation that the samples contain [-]."""
+    row: Callable[[int], int] = field(default_factory=lambda: lambda sample: sample + 1)
+    """Function from sample index to row in the file."""
 
 
 @dataclass(frozen=True)
@@ -81,67 +88,84 @@ class SignalTable:
         signals = {name: self.signals[c.column.index - 1] for name, c in used.items()}
         clocks = {name: signal.clock() for name, signal in signals.items()}
         cells = {name: numbers(signals[name].load(), c.column) for name, c in used.items()}
-        _check_lengths(used, cells, clocks)
-        base = _base(clocks)
-        time = clocks[base]
-        others = {n: t for n, t in clocks.items() if not np.array_equal(t, time, equal_nan=True)}
-        kept = np.ones(time.size, dtype=bool)
-        for name, clock in others.items():
-            wrong = np.flatnonzero(~(np.diff(clock) > 0.0))
-            if wrong.size:
-                row = int(wrong[0]) + 1
-                raise BackwardTime(
-                    f"the time of the channel goes from {clock[row - 1]:.9g} s to "
-                    f"{clock[row]:.9g} s; expected increasing times",
-                    row=row + 1,
-                    column=used[name].column.label,
-                    value=float(clock[row]),
-                )
-            if not used[name].may_be_blank:
-                kept &= _covered(time, clock)
-        rows = np.flatnonzero(kept)
-        if not rows.size:
-            raise NoRows(
-                f"{', '.join(used[n].column.label for n in others)} have no time in common with "
-                f"{used[base].column.label}; expected channels of one run"
-            )
-        common = time[rows]
-        methods = {}
-        for name in used:
-            if name in others:
-                methods[name] = "hold" if _is_held(used[name]) else "linear"
-                cells[name] = _brought(cells[name], others[name], common, used[name])
-            else:
-                cells[name] = cells[name][rows]
-        if "time_s" not in cells:
-            cells["time_s"] = common
-        notes = self._notes(used, base, clocks, methods, time.size - rows.size)
-        return Samples(cells, lambda s: int(rows[s]) + 1, (*self.warnings, *notes), methods)
+        rows_of = {name: signal.row for name, signal in signals.items()}
+        return _together(used, clocks, cells, rows_of, self)
 
-    def _notes(
-        self,
-        used: Mapping[str, Channel],
-        base: str,
-        clocks: Mapping[str, Array],
-        methods: Mapping[str, str],
-        omitted: int,
-    ) -> Iterable[RunWarning]:
-        """Warning that states the clock, the methods and the samples that were omitted."""
-        if not methods:
-            return
-        parts = []
-        for name, method in methods.items():
-            how = "keeps its previous value" if method == "hold" else "is interpolated linearly"
-            parts.append(
-                f"{used[name].column.label} ({_interval(clocks[name], self.time_unit)}) {how}"
+
+def _together(
+    used: Mapping[str, Channel],
+    clocks: Mapping[str, Array],
+    cells: dict[str, Array],
+    rows_of: Mapping[str, Callable[[int], int]],
+    table: SignalTable,
+) -> Samples:
+    """Bring the cells (n_sample,) of each channel, at its times (n_sample,), to one clock.
+
+    `rows_of` gives the function from sample index to row in the file for each channel.
+    """
+    _check_lengths(used, cells, clocks)
+    base = _base(clocks)
+    time = clocks[base]
+    others = {n: t for n, t in clocks.items() if not np.array_equal(t, time, equal_nan=True)}
+    kept = np.ones(time.size, dtype=bool)
+    for name, clock in others.items():
+        wrong = np.flatnonzero(~(np.diff(clock) > 0.0))
+        if wrong.size:
+            row = int(wrong[0]) + 1
+            raise BackwardTime(
+                f"the time of the channel goes from {clock[row - 1]:.9g} {table.time_unit} to "
+                f"{clock[row]:.9g} {table.time_unit}; expected increasing times",
+                row=rows_of[name](row),
+                column=used[name].column.label,
+                value=float(clock[row]),
             )
-        text = (
-            f"the channels have different clocks; that of {used[base].column.label} "
-            f"({_interval(clocks[base], self.time_unit)}) is used: {', '.join(parts)}"
+        if not used[name].may_be_blank:
+            kept &= _covered(time, clock)
+    rows = np.flatnonzero(kept)
+    if not rows.size:
+        raise NoRows(
+            f"{', '.join(used[n].column.label for n in others)} have no time in common with "
+            f"{used[base].column.label}; expected channels of one run"
         )
-        if omitted:
-            text += f"; {omitted} sample(s) at which a channel has a gap or no value are omitted"
-        yield RunWarning(code="different_clocks", message=text, file=self.file)
+    common = time[rows]
+    methods = {}
+    for name in used:
+        if name in others:
+            methods[name] = "hold" if _is_held(used[name]) else "linear"
+            cells[name] = _brought(cells[name], others[name], common, used[name])
+        else:
+            cells[name] = cells[name][rows]
+    if "time_s" not in cells:
+        cells["time_s"] = common
+    notes = _notes(used, base, clocks, methods, time.size - rows.size, table)
+    row_of = rows_of[base]
+    return Samples(cells, lambda s: row_of(int(rows[s])), (*table.warnings, *notes), methods)
+
+
+def _notes(
+    used: Mapping[str, Channel],
+    base: str,
+    clocks: Mapping[str, Array],
+    methods: Mapping[str, str],
+    omitted: int,
+    table: SignalTable,
+) -> Iterable[RunWarning]:
+    """Warning that states the clock, the methods and the samples that were omitted."""
+    if not methods:
+        return
+    parts = []
+    for name, method in methods.items():
+        how = "keeps its previous value" if method == "hold" else "is interpolated linearly"
+        parts.append(
+            f"{used[name].column.label} ({_interval(clocks[name], table.time_unit)}) {how}"
+        )
+    text = (
+        f"the channels have different clocks; that of {used[base].column.label} "
+        f"({_interval(clocks[base], table.time_unit)}) is used: {', '.join(parts)}"
+    )
+    if omitted:
+        text += f"; {omitted} sample(s) at which a channel has a gap or no value are omitted"
+    yield RunWarning(code="different_clocks", message=text, file=table.file)
 
 
 def joined(
@@ -158,6 +182,48 @@ def joined(
         for signal in signals
     ]
     return SignalTable(every, file, warnings) if len(groups) > 1 else None
+
+
+def is_apart(cells: Array) -> bool:
+    """Return True if a channel (n_sample,) has a value in some rows only, as of a CAN bus."""
+    blanks = int(np.count_nonzero(np.isnan(cells)))
+    return _FEWEST_BLANKS * cells.size <= blanks < cells.size
+
+
+def apart(samples: Samples, channels: Sequence[Channel], file: str) -> Samples:
+    """Bring channels with values in some rows of a table only to one clock.
+
+    Raises:
+        RunFileError: The times of a channel do not increase, or the channels have none in common.
+    """
+    used = {channel.name: channel for channel in channels}
+    time = used.pop("time_s", None)
+    cells = {name: samples.cells[name] for name in used}
+    measured = [values for name, values in cells.items() if not used[name].may_be_blank]
+    if time is None or samples.methods or not any(map(is_apart, measured)):
+        return samples
+    times = samples.cells["time_s"]
+    if np.any(np.isnan(times)):
+        return samples
+    rows = {name: np.flatnonzero(has_value(values)) for name, values in cells.items()}
+    unit = time.unit.name if time.scale == 1.0 else ""
+    return _together(
+        used,
+        {name: times[at] for name, at in rows.items()},
+        {name: values[rows[name]] for name, values in cells.items()},
+        {name: partial(_row, samples.row, at) for name, at in rows.items()},
+        SignalTable((), file, samples.warnings, unit),
+    )
+
+
+def has_value(cells: Array) -> NDArray[np.bool_]:
+    """Mark the cells (n_sample,) with a value; all of them in a channel without any."""
+    blank = np.isnan(cells)
+    return np.asarray(~blank | np.all(blank))
+
+
+def _row(row: Callable[[int], int], rows: NDArray[np.intp], sample: int) -> int:
+    return row(int(rows[sample]))
 
 
 def _base(clocks: Mapping[str, Array]) -> str:
