@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -29,7 +29,7 @@ from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
 from identification.ingest.timing import find_gaps
 
-__all__ = ["Signal", "SignalTable", "apart", "has_value", "is_apart", "joined"]
+__all__ = ["Signal", "SignalTable", "apart", "is_apart", "joined"]
 
 _RATE_RATIO = 1.5
 _MEASURED = ("voltage_V", "current_A", "speed_rad_s")
@@ -52,8 +52,12 @@ class Signal:
     """Function that returns its samples, (n_sample,)."""
     attenuation: float = 1.0
     """Probe attenuation that the samples contain [-]."""
-    row: Callable[[int], int] = field(default_factory=lambda: lambda sample: sample + 1)
-    """Function from sample index to row in the file."""
+    rows: Callable[[int], int] | None = None
+    """Function from sample index to row in the file; None for 1, 2, ..."""
+
+    def row(self, sample: int) -> int:
+        """Row of a sample in the file."""
+        return sample + 1 if self.rows is None else self.rows(sample)
 
 
 @dataclass(frozen=True)
@@ -88,84 +92,68 @@ class SignalTable:
         signals = {name: self.signals[c.column.index - 1] for name, c in used.items()}
         clocks = {name: signal.clock() for name, signal in signals.items()}
         cells = {name: numbers(signals[name].load(), c.column) for name, c in used.items()}
-        rows_of = {name: signal.row for name, signal in signals.items()}
-        return _together(used, clocks, cells, rows_of, self)
-
-
-def _together(
-    used: Mapping[str, Channel],
-    clocks: Mapping[str, Array],
-    cells: dict[str, Array],
-    rows_of: Mapping[str, Callable[[int], int]],
-    table: SignalTable,
-) -> Samples:
-    """Bring the cells (n_sample,) of each channel, at its times (n_sample,), to one clock.
-
-    `rows_of` gives the function from sample index to row in the file for each channel.
-    """
-    _check_lengths(used, cells, clocks)
-    base = _base(clocks)
-    time = clocks[base]
-    others = {n: t for n, t in clocks.items() if not np.array_equal(t, time, equal_nan=True)}
-    kept = np.ones(time.size, dtype=bool)
-    for name, clock in others.items():
-        wrong = np.flatnonzero(~(np.diff(clock) > 0.0))
-        if wrong.size:
-            row = int(wrong[0]) + 1
-            raise BackwardTime(
-                f"the time of the channel goes from {clock[row - 1]:.9g} {table.time_unit} to "
-                f"{clock[row]:.9g} {table.time_unit}; expected increasing times",
-                row=rows_of[name](row),
-                column=used[name].column.label,
-                value=float(clock[row]),
+        _check_lengths(used, cells, clocks)
+        base = _base(clocks)
+        time = clocks[base]
+        others = {n: t for n, t in clocks.items() if not np.array_equal(t, time, equal_nan=True)}
+        kept = np.ones(time.size, dtype=bool)
+        for name, clock in others.items():
+            wrong = np.flatnonzero(~(np.diff(clock) > 0.0))
+            if wrong.size:
+                row = int(wrong[0]) + 1
+                raise BackwardTime(
+                    f"the time of the channel goes from {clock[row - 1]:.9g} {self.time_unit} to "
+                    f"{clock[row]:.9g} {self.time_unit}; expected increasing times",
+                    row=signals[name].row(row),
+                    column=used[name].column.label,
+                    value=float(clock[row]),
+                )
+            if not used[name].may_be_blank:
+                kept &= _covered(time, clock)
+        rows = np.flatnonzero(kept)
+        if not rows.size:
+            raise NoRows(
+                f"{', '.join(used[n].column.label for n in others)} have no time in common with "
+                f"{used[base].column.label}; expected channels of one run"
             )
-        if not used[name].may_be_blank:
-            kept &= _covered(time, clock)
-    rows = np.flatnonzero(kept)
-    if not rows.size:
-        raise NoRows(
-            f"{', '.join(used[n].column.label for n in others)} have no time in common with "
-            f"{used[base].column.label}; expected channels of one run"
-        )
-    common = time[rows]
-    methods = {}
-    for name in used:
-        if name in others:
-            methods[name] = "hold" if _is_held(used[name]) else "linear"
-            cells[name] = _brought(cells[name], others[name], common, used[name])
-        else:
-            cells[name] = cells[name][rows]
-    if "time_s" not in cells:
-        cells["time_s"] = common
-    notes = _notes(used, base, clocks, methods, time.size - rows.size, table)
-    row_of = rows_of[base]
-    return Samples(cells, lambda s: row_of(int(rows[s])), (*table.warnings, *notes), methods)
+        common = time[rows]
+        methods = {}
+        for name in used:
+            if name in others:
+                methods[name] = "hold" if _is_held(used[name]) else "linear"
+                cells[name] = _brought(cells[name], others[name], common, used[name])
+            else:
+                cells[name] = cells[name][rows]
+        if "time_s" not in cells:
+            cells["time_s"] = common
+        notes = self._notes(used, base, clocks, methods, time.size - rows.size)
+        found = partial(_row, signals[base].row, rows)
+        return Samples(cells, found, (*self.warnings, *notes), methods)
 
-
-def _notes(
-    used: Mapping[str, Channel],
-    base: str,
-    clocks: Mapping[str, Array],
-    methods: Mapping[str, str],
-    omitted: int,
-    table: SignalTable,
-) -> Iterable[RunWarning]:
-    """Warning that states the clock, the methods and the samples that were omitted."""
-    if not methods:
-        return
-    parts = []
-    for name, method in methods.items():
-        how = "keeps its previous value" if method == "hold" else "is interpolated linearly"
-        parts.append(
-            f"{used[name].column.label} ({_interval(clocks[name], table.time_unit)}) {how}"
+    def _notes(
+        self,
+        used: Mapping[str, Channel],
+        base: str,
+        clocks: Mapping[str, Array],
+        methods: Mapping[str, str],
+        omitted: int,
+    ) -> Iterable[RunWarning]:
+        """Warning that states the clock, the methods and the samples that were omitted."""
+        if not methods:
+            return
+        parts = []
+        for name, method in methods.items():
+            how = "keeps its previous value" if method == "hold" else "is interpolated linearly"
+            parts.append(
+                f"{used[name].column.label} ({_interval(clocks[name], self.time_unit)}) {how}"
+            )
+        text = (
+            f"the channels have different clocks; that of {used[base].column.label} "
+            f"({_interval(clocks[base], self.time_unit)}) is used: {', '.join(parts)}"
         )
-    text = (
-        f"the channels have different clocks; that of {used[base].column.label} "
-        f"({_interval(clocks[base], table.time_unit)}) is used: {', '.join(parts)}"
-    )
-    if omitted:
-        text += f"; {omitted} sample(s) at which a channel has a gap or no value are omitted"
-    yield RunWarning(code="different_clocks", message=text, file=table.file)
+        if omitted:
+            text += f"; {omitted} sample(s) at which a channel has a gap or no value are omitted"
+        yield RunWarning(code="different_clocks", message=text, file=self.file)
 
 
 def joined(
@@ -196,34 +184,33 @@ def apart(samples: Samples, channels: Sequence[Channel], file: str) -> Samples:
     Raises:
         RunFileError: The times of a channel do not increase, or the channels have none in common.
     """
-    used = {channel.name: channel for channel in channels}
-    time = used.pop("time_s", None)
-    cells = {name: samples.cells[name] for name in used}
-    measured = [values for name, values in cells.items() if not used[name].may_be_blank]
-    if time is None or samples.methods or not any(map(is_apart, measured)):
+    used = [channel for channel in channels if channel.name != "time_s"]
+    time = next((channel for channel in channels if channel.name == "time_s"), None)
+    cells = [samples.cells[channel.name] for channel in used]
+    is_one_clock = not any(
+        is_apart(x) for x, c in zip(cells, used, strict=True) if not c.may_be_blank
+    )
+    if time is None or samples.methods or is_one_clock:
         return samples
-    times = samples.cells["time_s"]
-    if np.any(np.isnan(times)):
-        return samples
-    rows = {name: np.flatnonzero(has_value(values)) for name, values in cells.items()}
-    unit = time.unit.name if time.scale == 1.0 else ""
-    return _together(
-        used,
-        {name: times[at] for name, at in rows.items()},
-        {name: values[rows[name]] for name, values in cells.items()},
-        {name: partial(_row, samples.row, at) for name, at in rows.items()},
-        SignalTable((), file, samples.warnings, unit),
+    signals = []
+    for values in cells:
+        at = np.flatnonzero(~np.isnan(values) | np.all(np.isnan(values)))
+        clock = partial(np.take, samples.cells["time_s"], at)
+        rows = partial(_row, samples.row, at)
+        signals.append(Signal((), "", clock, partial(np.take, values, at), rows=rows))
+    table = SignalTable(
+        signals, file, samples.warnings, time.unit.name if time.scale == 1.0 else ""
+    )
+    return table.read(
+        [
+            dataclasses.replace(c, column=dataclasses.replace(c.column, index=k))
+            for k, c in enumerate(used, 1)
+        ]
     )
 
 
-def has_value(cells: Array) -> NDArray[np.bool_]:
-    """Mark the cells (n_sample,) with a value; all of them in a channel without any."""
-    blank = np.isnan(cells)
-    return np.asarray(~blank | np.all(blank))
-
-
-def _row(row: Callable[[int], int], rows: NDArray[np.intp], sample: int) -> int:
-    return row(int(rows[sample]))
+def _row(row: Callable[[int], int], samples: NDArray[np.intp], sample: int) -> int:
+    return row(int(samples[sample]))
 
 
 def _base(clocks: Mapping[str, Array]) -> str:

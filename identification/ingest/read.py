@@ -29,7 +29,6 @@ from identification.ingest.file import Limits, RunFile, naming, open_run_file, u
 from identification.ingest.formats import FORMAT_READERS
 from identification.ingest.frame import Frame
 from identification.ingest.held import find_held
-from identification.ingest.long import LongReader
 from identification.ingest.mapping import MappingLike, RunMapping, read_mapping
 from identification.ingest.names import is_direction
 from identification.ingest.plausibility import check_values
@@ -51,7 +50,7 @@ __all__ = ["FEWEST_ROWS", "READERS", "list_columns", "opened", "read_run"]
 FEWEST_ROWS = 10
 """Smallest accepted number of samples; fewer carry too little information for seven parameters."""
 
-READERS: tuple[Reader, ...] = (*FORMAT_READERS, LongReader(), TextReader())
+READERS: tuple[Reader, ...] = (*FORMAT_READERS, TextReader())
 """Readers of all formats in the order in which they are asked; the last one accepts any file."""
 
 

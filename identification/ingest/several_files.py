@@ -20,7 +20,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.errors import DuplicateColumn, InputError, MissingColumn, RunFileError
 from identification.ingest.channels import Channel, assign_channels
-from identification.ingest.clocks import Signal, SignalTable, has_value, is_apart, joined
+from identification.ingest.clocks import Signal, SignalTable, is_apart, joined
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
 from identification.ingest.faults import collected, refuse_all
@@ -28,7 +28,6 @@ from identification.ingest.file import Limits, RunFile, naming, open_run_file
 from identification.ingest.mapping import ChannelMapping, read_mapping
 from identification.ingest.names import is_sample_number
 from identification.ingest.read import READERS, opened, read_run
-from identification.ingest.reader import refuse_not_finite
 from identification.ingest.run import Run, RunWarning, SourceLocator
 from identification.ingest.supplied import requested, supplied
 from identification.ingest.tables import closest_table
@@ -141,24 +140,17 @@ def _content(file: RunFile, clock: ChannelMapping | None, errors: list[RunFileEr
     locator = SourceLocator(file.name, {"time_s": time.column.label}, samples.row)
     read, _ = supplied(samples, {"time_s": time}, locator)
     seconds = time.unit.factor * (read.cells["time_s"] * time.scale + time.offset)
-    filled = {v.name: has_value(samples.cells[v.name]) for v in values}
-    lacking = [
-        v for v in values if not np.all(filled[v.name]) and not is_apart(samples.cells[v.name])
-    ]
-    refuse_not_finite(lacking, samples.cells, samples.row)
-    signals = tuple(
-        _signal(v.column, file, seconds[filled[v.name]], samples.cells[v.name][filled[v.name]])
-        for v in values
-    )
+    signals = tuple(_signal(v.column, file, seconds, samples.cells[v.name]) for v in values)
     return _Content(file.name, file.sha256(), seconds, signals, samples.warnings)
 
 
 def _signal(column: Column, file: RunFile, time: Array, cells: Array) -> Signal:
+    kept = ~np.isnan(cells) | (not is_apart(cells))
     return Signal(
         (column.title if column.texts else Path(file.name).stem,),
         next(iter(column.unit_texts), ""),
-        partial(np.asarray, time),
-        partial(np.asarray, cells),
+        partial(np.asarray, time[kept]),
+        partial(np.asarray, cells[kept]),
         column.attenuation,
     )
 

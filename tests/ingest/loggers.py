@@ -7,7 +7,7 @@ import datetime
 from tests.ingest.devices import DEVICE_UNITS, NAMES, device, numbered, stamped, text
 from tests.ingest.writers import RECORD, XLSX, Specimen, rows, workbook
 
-__all__ = ["LOGGERS", "long", "thousands", "with_affixes"]
+__all__ = ["LOGGERS", "long", "stacked", "thousands", "with_affixes"]
 
 _ALL = list(RECORD)[1:]
 _MS = [round(1e3 * float(str(row[0]))) for row in rows()]
@@ -45,6 +45,15 @@ def long(header: str, form: str, units: tuple[str, ...] = DEVICE_UNITS) -> str:
     return "\n".join([header, *lines, ""])
 
 
+def stacked(*titles: str) -> str:
+    """The record with each channel below its title lines."""
+    blocks = [
+        "\n".join([*titles, *map(repr, RECORD[name].tolist()), ""]).format(name=channel)
+        for name, channel in zip(_ALL, _CHANNELS, strict=True)
+    ]
+    return "".join(blocks)
+
+
 def thousands(group: str, decimal: str) -> str:
     """The record with a speed in deg/s whose numbers have a sign between thousands."""
     lines = []
@@ -67,6 +76,11 @@ def _wide(first: list[object]) -> list[list[object]]:
     return [[time, *row[1:]] for time, row in zip(first, rows(), strict=True)]
 
 
+_LONG = [
+    [row[0], name, value, unit]
+    for row in rows()
+    for name, value, unit in zip(NAMES, row[1:], DEVICE_UNITS, strict=True)
+]
 _UNITS_ABOVE = [f"{name} [{unit}]" for name, unit in zip(NAMES, DEVICE_UNITS, strict=True)]
 _LATER = [datetime.timedelta(milliseconds=ms) for ms in _MS]
 
@@ -127,6 +141,20 @@ LOGGERS = (
         "Hantek, the clock in a comment, columns without names",
         text(("# CLOCK=1.00mS", "# UNITS:V"), [row[1:] for row in rows()]),
         mapping=numbered("column "),
+        implied=True,
+    ),
+    device(
+        "stacked.txt",
+        "Hantek, channels one below another",
+        stacked("#CHANNEL:{name}", "#CLOCK=1.00mS", "#SIZE=40", "#UNITS:V", ""),
+        mapping=_BARE,
+        implied=True,
+    ),
+    device(
+        "stacked_owon.csv",
+        "OWON, channels one below another, units in brackets",
+        stacked("Model,X", "Channel : {name},", "Time interval : ,1.00000mS,", "Unit : (V)"),
+        mapping=_BARE,
         implied=True,
     ),
     device(
@@ -210,6 +238,19 @@ LOGGERS = (
         "labels.txt",
         "labels with a blank and units",
         with_affixes("{label}: {value} {unit}", ", "),
+    ),
+    Specimen(
+        "long.xlsx",
+        "one signal per row of a sheet",
+        lambda p: workbook(p, {"Run": [["Time [s]", "Signal", "Value", "Unit"], *_LONG]}),
+        XLSX,
+    ),
+    Specimen(
+        "long_utf16.csv",
+        "one signal per row, UTF-16 without a byte order mark",
+        lambda p: p.write_bytes(
+            long("Time[s];Name;Value;Unit", "{time};{name};{value};{unit}").encode("utf-16-le")
+        ),
     ),
     Specimen(
         "durations.xlsx",

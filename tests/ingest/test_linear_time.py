@@ -19,8 +19,10 @@ from identification.errors import InputError
 from identification.ingest import read_mapping, read_run
 from identification.ingest.names import is_units_row, read_header, similar_to
 from identification.ingest.text.bare import BareCells, is_affixed, is_grouped
+from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import expected_instead, is_clock, is_number, split_cells
 from identification.ingest.text.interval import stated_interval
+from identification.ingest.text.stacked import is_stacked
 from identification.ingest.units import find_unit, unit_in_another_case
 from tests.ingest.samples import record, write
 
@@ -52,6 +54,7 @@ READERS: dict[str, Callable[[str], object]] = {
     "line with labels": BareCells.of(";", ["t:1 s", "U:1 V"]).line,
     "blanks": lambda text: split_cells(text, " "),
     "interval": lambda text: stated_interval([text]),
+    "stacked channels": lambda text: is_stacked(Block(f"channel{text}\n1\n2\n3\n".encode(), 1)),
     "no number": lambda text: expected_instead(text, "s"),
     "map": lambda text: mapped("current_A=" + text),
 }

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identification.errors import EmptyFile, FileTooLarge, LineTooLong, NotText, RunFileError
 from identification.ingest.file import Limits
@@ -35,6 +35,11 @@ class Block:
             return self.text.decode("utf-8").split("\n")
         except UnicodeDecodeError:
             return self.text.decode("cp1252", "replace").split("\n")
+
+    @property
+    def head(self) -> list[str]:
+        """The lines within the first 64 KiB, the last one perhaps in part."""
+        return replace(self, text=self.text[:_HEAD_BYTES]).lines
 
     def from_line(self, line: int) -> Block:
         """Remainder of the block, beginning at a line number of the file."""

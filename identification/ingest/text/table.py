@@ -13,12 +13,14 @@ from identification.ingest.channels import Channel
 from identification.ingest.clocks import is_apart
 from identification.ingest.columns import Column, describe_column, read_columns
 from identification.ingest.file import Limits, RunFile
-from identification.ingest.reader import Samples, refuse_not_finite
+from identification.ingest.reader import Samples, SourceTable, refuse_not_finite
 from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block, Splitter
 from identification.ingest.text.cells import is_time_of_day
 from identification.ingest.text.dialect import Layout, detect_layout
+from identification.ingest.text.long import is_long, long_table
 from identification.ingest.text.samples import SampleReader
+from identification.ingest.text.stacked import is_stacked, stacked_table
 
 __all__ = ["TextReader", "TextTable", "open_text"]
 
@@ -36,19 +38,24 @@ class TextReader:
         """Return True: this reader is the last to be asked."""
         return True
 
-    def open(self, file: RunFile) -> TextTable:
+    def open(self, file: RunFile) -> SourceTable:
         """Detect the layout of the table."""
         return open_text(file.chunks(), file.limits, file.name)
 
 
-def open_text(chunks: Iterator[bytes], limits: Limits, file: str) -> TextTable:
+def open_text(chunks: Iterator[bytes], limits: Limits, file: str) -> SourceTable:
     """Detect the layout of a text table in any encoding.
+
+    A table with one signal per row, or with one below another, is read completely.
 
     Raises:
         RunFileError: The text holds no table.
     """
     blocks = Splitter(limits).split(chunks)
     first = next(blocks)
+    for is_of_kind, table in ((is_long, long_table), (is_stacked, stacked_table)):
+        if is_of_kind(first):
+            return table(itertools.chain(iter([first]), blocks), file)
     layout = detect_layout(first, limits)
     # The iterator, unlike the list, frees the first block once it has been read.
     rest = iter([first.from_line(layout.first_line)])

@@ -1,4 +1,4 @@
-"""Reader of text tables with one signal per row, each signal at its own rate.
+"""Tables with one signal per row, each signal at its own rate.
 
     time;signal name;value          as CANalyzer, CANoe, iba and databases export
     VarName;TimeString;VarValue     as WinCC archives, whose Time_ms counts 1e-6 days
@@ -8,7 +8,7 @@ The samples of each name are a channel with a clock of its own, as in TDMS or MD
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,10 +19,9 @@ from identification.errors import NoRows, NotANumber, RaggedRow
 from identification.ingest.clocks import Signal, SignalTable
 from identification.ingest.columns import describe_column
 from identification.ingest.display import plain, quoted
-from identification.ingest.file import RunFile
 from identification.ingest.names import is_channel_name
 from identification.ingest.run import RunWarning
-from identification.ingest.text.blocks import Splitter, utf_16_of
+from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import (
     ClockTimes,
     is_time_of_day,
@@ -31,7 +30,7 @@ from identification.ingest.text.cells import (
     split_cells,
 )
 
-__all__ = ["LongReader"]
+__all__ = ["is_long", "long_table", "values_of"]
 
 _NAMES = ("signal", "signal name", "signalname", "name", "varname", "variable", "channel", "tag")
 _VALUES = ("value", "varvalue", "wert")
@@ -52,56 +51,54 @@ class _Header:
     unit: int | None
 
 
-class LongReader:
-    """Reader of tables whose header has a time, a name and a value."""
+def is_long(block: Block) -> bool:
+    """Return True if one of the first lines is a header with a time, a name and a value."""
+    return any(map(_header, block.head[:_TITLES]))
 
-    def recognises(self, name: str, head: bytes) -> bool:
-        """Return True if one of the first lines is such a header."""
-        text = head.decode(utf_16_of(head) or "utf-8", "replace")
-        return any(map(_header, text.splitlines()[:_TITLES]))
 
-    def open(self, file: RunFile) -> SignalTable:
-        """Read all rows into one signal for each name.
+def long_table(every: Iterable[Block], file: str) -> SignalTable:
+    """Read all rows into one signal for each name.
 
-        Raises:
-            NoRows: There is no row below the header.
-            RaggedRow: A row has another number of cells than the header.
-            NotANumber: A time is neither a number nor a time of day.
-        """
-        blocks = list(Splitter(file.limits).split(file.chunks()))
-        lines = (one for block in blocks for one in enumerate(block.lines, block.first_line))
-        header = next(filter(None, (_header(line) for _, line in lines)))
-        rows = {n: split_cells(line, header.delimiter) for n, line in lines if line.strip()}
-        if not rows:
-            raise NoRows("no row below the header; expected one for each sample")
-        count = len(header.cells)
-        warnings: tuple[RunWarning, ...] = ()
-        if not blocks[-1].terminated and len(rows[max(rows)]) < count:
-            rows.pop(cut := max(rows))
-            text = "the last line is truncated, probably by a loss of power; it is omitted"
-            warnings = (RunWarning("truncated_last_row", text, file.name, cut),)
-        for number, cells in rows.items():
-            if len(cells) < count or any(cells[count:]):
-                raise RaggedRow(
-                    f"the row has {len(cells)} cells and the header {count}; remove it, or export "
-                    "with another delimiter if the comma is the decimal sign",
-                    row=number,
-                    value=f"{len(cells)} cells",
-                )
-        times, unit = _times(header, rows)
-        signals: dict[str, dict[int, str]] = {}
-        for number, cells in rows.items():
-            signals.setdefault(cells[header.name], {})[number] = cells[header.value]
-        found = [
-            Signal(
-                (name,),
-                "" if header.unit is None else rows[next(iter(values))][header.unit],
-                partial(np.array, [times[number] for number in values]),
-                partial(_values, name, values),
+    Raises:
+        NoRows: There is no row below the header.
+        RaggedRow: A row has another number of cells than the header.
+        NotANumber: A time is neither a number nor a time of day.
+    """
+    blocks = list(every)
+    lines = (one for block in blocks for one in enumerate(block.lines, block.first_line))
+    header = next(filter(None, (_header(line) for _, line in lines)))
+    rows = {n: split_cells(line, header.delimiter) for n, line in lines if line.strip()}
+    if not rows:
+        raise NoRows("no row below the header; expected one for each sample")
+    count = len(header.cells)
+    warnings: tuple[RunWarning, ...] = ()
+    if not blocks[-1].terminated and len(rows[max(rows)]) < count:
+        rows.pop(cut := max(rows))
+        text = "the last line is truncated, probably by a loss of power; it is omitted"
+        warnings = (RunWarning("truncated_last_row", text, file, cut),)
+    for number, cells in rows.items():
+        if len(cells) < count or any(cells[count:]):
+            raise RaggedRow(
+                f"the row has {len(cells)} cells and the header {count}; remove it, or export "
+                "with another delimiter if the comma is the decimal sign",
+                row=number,
+                value=f"{len(cells)} cells",
             )
-            for name, values in signals.items()
-        ]
-        return SignalTable(found, file.name, warnings, unit)
+    times, unit = _times(header, rows)
+    signals: dict[str, dict[int, str]] = {}
+    for number, cells in rows.items():
+        signals.setdefault(cells[header.name], {})[number] = cells[header.value]
+    found = [
+        Signal(
+            (name,),
+            "" if header.unit is None else rows[next(iter(values))][header.unit],
+            partial(np.array, [times[number] for number in values]),
+            partial(values_of, name, values),
+            rows=list(values).__getitem__,
+        )
+        for name, values in signals.items()
+    ]
+    return SignalTable(found, file, warnings, unit)
 
 
 def _header(line: str) -> _Header | None:
@@ -135,14 +132,14 @@ def _times(header: _Header, rows: Mapping[int, list[str]]) -> tuple[dict[int, fl
     if is_time_of_day(first[at]):
         clock = ClockTimes()
         return dict(zip(cells, _numbers(title, cells, clock.seconds), strict=True)), "s"
-    times, unit = _values(title, cells), describe_column(0, [title]).unit
+    times, unit = values_of(title, cells), describe_column(0, [title]).unit
     factor = 1.0 if unit is None else unit.factor
     if header.cells[header.name].casefold() == "varname":
         times, factor = times - times[0], _WINCC_S
     return dict(zip(cells, (times * factor).tolist(), strict=True)), "" if unit is None else "s"
 
 
-def _values(name: str, cells: Mapping[int, str]) -> Array:
+def values_of(name: str, cells: Mapping[int, str]) -> Array:
     """Numbers (n_sample,) of cells by line number, all with one decimal sign."""
     decimal = "," if any("," in cell for cell in cells.values()) else "."
     return np.array(
