@@ -43,8 +43,8 @@ __all__ = [
 ]
 
 _NAME_LISTS = {
-    "time": "time, t, timestamp, time stamp, elapsed time, x axis, date time, zeit, uhrzeit, "
-    "zeitstempel, temps, tempo, tiempo",
+    "time": "time, t, timestamp, time stamp, elapsed time, relative time, time relative, tout, "
+    "x axis, date time, zeit, uhrzeit, zeitstempel, temps, tempo, tiempo",
     "voltage": "voltage, v, u, vm, um, va, ua, vmot, umot, spannung, tensão, tensao, tensión, "
     "tensione",
     "current": "current, i, im, ia, imot, strom, courant, corrente, corriente",
@@ -65,7 +65,8 @@ NAMES = {quantity: tuple(names.split(", ")) for quantity, names in _NAME_LISTS.i
 
 NEUTRAL_WORDS = frozenset(
     "motor mot dc armature terminal winding shaft rotor sensor measured meas actual act ist "
-    "anker klemmen wicklungs wellen läufer laeufer gemessen gemessene istwert".split()
+    "anker klemmen wicklungs wellen läufer laeufer gemessen gemessene istwert "
+    "value average avg ave mean last".split()
 )
 # Parts of the motor that are written together with a name of at least four letters:
 # Klemmenspannung, Ankerstrom, motorspeed.  A supply or a set point is not among them.
@@ -251,6 +252,9 @@ def _as_suffix(text: str) -> HeaderText | None:
 
 
 def _after_slash(text: str) -> HeaderText | None:
+    name, stroke, unit = text.rpartition(" / ")
+    if stroke and find_unit(unit) is not None:
+        return _with_unit(name, unit)
     name, stroke, unit = text.partition("/")
     if not stroke or not _quantities_of(name):
         return None

@@ -94,7 +94,7 @@ BROKEN_TABLES = (
     Refusal("one column", b"time_s\n0.1\n0.2\n0.3\n", errors.NoTable, "no line with numbers"),
     Refusal("comments alone", b"# time\n# volt\n", errors.NoTable, "no line with numbers"),
     Refusal("HTML", b"<!DOCTYPE html>\n<html><p>404</p></html>\n", errors.NoTable, "numbers"),
-    Refusal("JSON", b'{"time_s": [0.0, 0.1], "voltage_V": 3}\n', errors.NoTable, "numbers"),
+    Refusal("JSON", b'{"time_s": [0.0, 0.1], "voltage_V": 3}\n', errors.NotText, "this is JSON"),
     Refusal(
         "numbers alone",
         with_line(1, None),

@@ -74,7 +74,7 @@ BROKEN_VALUES = (
         "a number below times of day",
         CLOCK,
         errors.NotANumber,
-        "'0.01' is no time of day like that of the first sample",
+        "'0.01' is no time like that of the first sample",
         12,
         "time_s",
     ),

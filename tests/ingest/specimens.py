@@ -11,6 +11,7 @@ import scipy.sparse
 from tests.ingest.devices import CLOCKS, DEVICES
 from tests.ingest.loggers import LOGGERS
 from tests.ingest.matlab_logs import OBJECTS
+from tests.ingest.programs import PROGRAMS
 from tests.ingest.samples import write
 from tests.ingest.scopes import SCOPES
 from tests.ingest.writers import (
@@ -261,6 +262,6 @@ HDF5 = (
 )
 
 SPECIMENS = (
-    *(*DEVICES, *SCOPES, *LOGGERS, *CLOCKS, *MATLAB, *OBJECTS, *HDF5),
+    *(*DEVICES, *SCOPES, *LOGGERS, *PROGRAMS, *CLOCKS, *MATLAB, *OBJECTS, *HDF5),
     *(*WORKBOOKS, *COLUMNAR, *COMPRESSED, *MEASUREMENTS),
 )

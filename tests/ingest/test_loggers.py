@@ -11,9 +11,8 @@ from identification import errors
 from identification.ingest import read_run
 from identification.ingest.read import list_columns
 from identification.ingest.several_files import join_files
-from identification.ingest.text.bare import BareCells
 from tests.ingest.devices import text
-from tests.ingest.loggers import long, stacked, thousands, with_affixes
+from tests.ingest.loggers import long, thousands, with_affixes
 from tests.ingest.samples import channels
 from tests.ingest.writers import RECORD, rows
 
@@ -75,69 +74,6 @@ def test_separators_in_most_cells_of_the_first_samples_are_removed(tmp_path: Pat
     path.write_text("\n".join(["time_ms;voltage_mV;current_mA;speed_deg_s", *lines, ""]))
 
     np.testing.assert_allclose(1e3 * read_run(path).voltage, sizes, rtol=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("delimiter", "line", "plain"),
-    [
-        (" ", "U:-2.5  I:3e-3", "-2.5 3e-3"),
-        (";", "U: 2,5;I:3", "2,5;3"),
-        (",", "U=2.5, I: 3", "2.5,3"),
-    ],
-)
-def test_lines_like_most_are_not_taken_apart_cell_by_cell(
-    monkeypatch: pytest.MonkeyPatch, delimiter: str, line: str, plain: str
-) -> None:
-    """One pattern for the whole line; cell by cell takes five times as long."""
-    bare = BareCells.of(delimiter, ["U:1.5", "I:0.3"])
-
-    def taken_apart(cell: str) -> tuple[str, str, str]:
-        raise AssertionError(cell)
-
-    monkeypatch.setattr("identification.ingest.text.bare._parts", taken_apart)
-
-    assert bare.line(line) == plain
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("#CLOCK=1.00mS", "", "CH1 (40 values, nan s), CH2 (40 values"),
-        ("#CLOCK=1.00mS", "#CLOCK=2.00mS", "CH1 (40 values, 0.002 s), CH2 (40 values, 0.001 s)"),
-        ("#CHANNEL:CH2", "#CH2", "'#CH2' (40 values, 0.001 s), CH3"),
-        ("\n12.", "\nx12.", "CH1 (39 values, 0.001 s), CH2 (40 values"),
-        ("\n-12.01", "\nx12.01", "CH1 (17 values, 0.001 s), 'x12.014623' (22 values"),
-    ],
-)
-def test_channels_one_below_another_have_names_and_one_clock(
-    tmp_path: Path, old: str, new: str, words: str
-) -> None:
-    """A lost or damaged value would shift all values below it; no value may be left out."""
-    path = tmp_path / "run.txt"
-    content = stacked("#CHANNEL:{name}", "#CLOCK=1.00mS", "#UNITS:V")
-    assert old in content
-    path.write_text(content.replace(old, new, 1))
-
-    with pytest.raises(errors.UnsupportedContent) as caught:
-        read_run(path)
-
-    assert words in str(caught.value)
-
-
-def test_channel_of_a_signal_per_row_file_reports_the_line_of_a_fault(tmp_path: Path) -> None:
-    """The current of the fourth sample stands on line 15."""
-    path = tmp_path / "run.csv"
-    lines = LONG.splitlines()
-    time, name, _, unit = lines[14].split(";")
-    lines[14] = ";".join([time, name, "1e9", unit])
-    path.write_text("\n".join([*lines, ""]))
-
-    with pytest.raises(errors.AbsurdValue) as caught:
-        read_run(path)
-
-    assert (name, caught.value.column) == ("Current", "Current")
-    # The row is that of the voltage, whose clock is used.
-    assert caught.value.row == 14
 
 
 def test_words_above_labelled_lines_are_no_names(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ struct with fields that are vectors               a table; units in a field ``un
 struct with ``time`` and ``signals``              a log of Simulink, "structure with time"
 struct with ``Time`` and ``Data``                 an exported timeseries: one signal
 vectors beside a number ``Tinterval``             a table, with the clock of a PicoScope
+matrix ``yout``                                   the columns ``yout_1``, ``yout_2``, ...
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ _COMMANDS = {
     "Simulink.SimulationOutput": _EACH.format("VAR.logsout") + _SAVE,
 }
 _DEEPEST = 20
+_MOST_VECTORS = 64
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,17 @@ class Leaf:
     def column(self, index: int) -> NDArray[np.generic]:
         """Cells of one column of a matrix."""
         return np.asarray(self.load())[:, index]
+
+    def row(self, index: int) -> NDArray[np.generic]:
+        """Cells of one row of a matrix."""
+        return np.asarray(np.asarray(self.load())[index])
+
+    def vectors(self) -> list[Leaf]:
+        """Columns of a matrix, or the rows of one with more columns than rows; at most 64."""
+        if len(self.shape) != 2 or not 1 < min(self.shape) <= _MOST_VECTORS:
+            return []
+        cells = self.column if self.shape[0] > self.shape[1] else self.row
+        return [Leaf((max(self.shape),), partial(cells, k)) for k in range(min(self.shape))]
 
 
 @dataclass(frozen=True)
@@ -146,6 +159,12 @@ class _Walk:
             name: child for name, child in node.items() if isinstance(child, Leaf) and child.length
         }
         vectors |= _clock(node, keys, vectors)
+        vectors |= {
+            f"{name}_{k}": vector
+            for name, child in node.items()
+            if isinstance(child, Leaf)
+            for k, vector in enumerate(child.vectors(), 1)
+        }
         if len(vectors) > 1:
             self.tables[path or _TOP] = self._table(vectors, _units(node))
         for name, child in node.items():

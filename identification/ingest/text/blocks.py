@@ -51,7 +51,9 @@ class Block:
 
 # Signatures of binary formats that users submit in place of a text table.
 _SIGNATURES = (
-    (b"PK\x03\x04", "a zip archive"),
+    (b"PK\x03\x04", "a zip archive (unpack it, and give the file with the samples)"),
+    (b'{"', "JSON"),
+    (b"[{", "JSON"),
     (b"\x1f\x8b", "gzip-compressed twice"),
     (b"BZh", "bzip2-compressed"),
     (b"\xfd7zXZ", "xz-compressed"),

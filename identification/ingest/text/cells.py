@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import datetime
+import decimal
 import re
 
 from identification.ingest.display import quoted
 
 __all__ = [
     "ClockTimes",
+    "LongTimes",
     "expected_instead",
     "is_clock",
     "is_number",
@@ -112,6 +114,25 @@ def is_whole_second(cell: str) -> bool:
     """Return True for a time of day without a fraction of the second."""
     match = _TIME.fullmatch(cell)
     return match is not None and match["fraction"] is None
+
+
+class LongTimes:
+    """Reader of times since 1970, which have more digits than a floating point number.
+
+    1772352000.001000000 becomes 52000.001: the five leading digits are left out.
+
+    Args:
+        first: First time of the file, a number.
+    """
+
+    def __init__(self, first: str) -> None:
+        number = decimal.Decimal(first)
+        self._base = number - number % decimal.Decimal(10) ** (number.adjusted() - 4)
+
+    def seconds(self, cell: str) -> float | None:
+        """Time after the round number, in the unit of the file; None if it is no number."""
+        text = number_text(cell.replace(",", "."), ".")
+        return None if text is None else float(decimal.Decimal(text) - self._base)
 
 
 class ClockTimes:

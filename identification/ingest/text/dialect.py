@@ -47,6 +47,8 @@ __all__ = ["COMMENT_MARKS", "Layout", "detect_layout"]
 # TwinCAT ends a file with EOF.
 COMMENT_MARKS = ("#", "%", "//", "EOF")
 
+# dSPACE ControlDesk writes this in front of the first sample.
+_SAMPLES = ("trace_values",)
 _PREVIEW_LINES = 1000
 # Limit of the search for a header in a text without samples.
 _SEARCHED_CHARACTERS = 100_000
@@ -248,17 +250,17 @@ def _best_delimiter(
         score = sum(s for s, cells in zip(shares, rows, strict=True) if len(cells) == fields)
         if best is None or score > best[0]:
             at = next(k for k, s in enumerate(shares) if s and len(rows[k]) == fields)
-            while at and _is_sparse(rows[at - 1], fields):
+            while at and _is_first(rows[at - 1], rows[at], fields):
                 at -= 1
             best = (score, delimiter, fields, at)
     return best
 
 
-def _is_sparse(cells: list[str], fields: int) -> bool:
-    """Return True for a row with a time and without the values of most channels."""
-    return (
-        len(cells) == fields and "" in cells[1:-1] and (is_number(cells[0]) or is_clock(cells[0]))
-    )
+def _is_first(cells: list[str], below: list[str], fields: int) -> bool:
+    """Return True for a sample above another one, with few values or with a label in front."""
+    is_sparse = "" in cells[1:-1] and (is_number(cells[0]) or is_clock(cells[0]))
+    is_labelled = not below[0] and cells[0] in _SAMPLES and all(map(is_number, cells[1:]))
+    return len(cells) == fields and (is_sparse or is_labelled)
 
 
 def _share_of_numbers(cells: list[str], is_value: Callable[[str], bool]) -> float:

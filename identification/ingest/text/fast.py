@@ -16,9 +16,10 @@ import pandas as pd
 
 from identification.arrays import Array
 from identification.ingest.channels import Channel
+from identification.ingest.text.cells import ClockTimes, LongTimes
 from identification.ingest.text.dialect import Layout
 
-__all__ = ["read_clean"]
+__all__ = ["read_clean", "read_times"]
 
 
 def read_clean(
@@ -51,6 +52,21 @@ def read_clean(
     if any(map(np.any, map(np.isinf, columns))) or np.any(np.all(np.isnan(columns), axis=0)):
         return None
     return columns
+
+
+def read_times(
+    text: bytes, layout: Layout, time: Channel, clock: ClockTimes | LongTimes
+) -> Array | None:
+    """Times (n_sample,) of whole lines by their reader; None if the lines fail a check."""
+    if b'"' in text or layout.delimiter == " ":
+        return None
+    at, delimiter = time.column.index, layout.delimiter.encode()
+    lines = text.removesuffix(b"\n").split(b"\n")
+    cells = (
+        b"".join(line.split(delimiter)[at : at + 1]).decode("utf-8", "replace") for line in lines
+    )
+    times = [clock.seconds(cell.strip()) for cell in cells]
+    return None if None in times else np.array(times, dtype=np.float64)
 
 
 def _without_quotes(text: bytes, delimiter: str) -> bytes | None:

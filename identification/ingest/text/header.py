@@ -12,7 +12,7 @@ The preamble gives names, units and the sample clock of the columns:
                     beside the samples also Source and Probe Atten
     Keysight        XUnits, YUnits
     Rigol           Sequence, below the columns Start and Increment; t0 = and tInc = in the header
-    TwinCAT         Name beside each name; the other lines have their key before each value, too
+    TwinCAT         Name beside each name, Unit beside each unit, any other key beside each value
 
 The first cell of such a line is its key; the others stand above the columns that they describe.
 """
@@ -297,6 +297,8 @@ def read_preamble(rows: Sequence[list[str]]) -> Preamble:
         key = _key(cells)
         if _is_paired(cells) and key == "name":
             found[_NAMES[0]] = [cell if k % 2 else "" for k, cell in enumerate(cells)]
+        elif _is_paired(cells) and key == "unit":
+            found[_UNITS[1]] = [cell if k % 2 else "" for k, cell in enumerate(cells)]
         elif _is_paired(cells) and key == _PAIRED:
             found |= {_PAIRED: ["", *cells[1::2]], _TIME_UNIT[0]: ["", "ms"]}
         elif key in KEYS or key in _FURTHER:

@@ -1,6 +1,7 @@
 """Tables with one signal per row, each signal at its own rate.
 
     time;signal name;value          as CANalyzer, CANoe, iba and databases export
+    _time,_value,_field             as InfluxDB, perhaps with the header again above each field
     VarName;TimeString;VarValue     as WinCC archives, whose Time_ms counts 1e-6 days
 
 The samples of each name are a channel with a clock of its own, as in TDMS or MDF.
@@ -32,9 +33,20 @@ from identification.ingest.text.cells import (
 
 __all__ = ["is_long", "long_table", "values_of"]
 
-_NAMES = ("signal", "signal name", "signalname", "name", "varname", "variable", "channel", "tag")
+_NAMES = (
+    "signal",
+    "signal name",
+    "signalname",
+    "name",
+    "varname",
+    "variable",
+    "channel",
+    "tag",
+    "field",
+)
 _VALUES = ("value", "varvalue", "wert")
 _UNITS = ("unit", "units", "einheit")
+_ANNOTATIONS = ("#group", "#datatype", "#default")
 _TITLES = 30
 _WINCC_S = 86_400.0e-6
 """Seconds of one unit of Time_ms in a WinCC archive."""
@@ -67,7 +79,14 @@ def long_table(every: Iterable[Block], file: str) -> SignalTable:
     blocks = list(every)
     lines = (one for block in blocks for one in enumerate(block.lines, block.first_line))
     header = next(filter(None, (_header(line) for _, line in lines)))
-    rows = {n: split_cells(line, header.delimiter) for n, line in lines if line.strip()}
+    rows = {
+        number: cells
+        for number, line in lines
+        if line.strip()
+        and not line.startswith(_ANNOTATIONS)
+        # The header stands again above each field of InfluxDB.
+        and (cells := split_cells(line, header.delimiter)) != header.cells
+    }
     if not rows:
         raise NoRows("no row below the header; expected one for each sample")
     count = len(header.cells)
@@ -105,7 +124,7 @@ def _header(line: str) -> _Header | None:
     """Header in a line; None if one of time, name and value is missing."""
     for delimiter in ";,\t":
         cells = split_cells(line.lstrip("\ufeff"), delimiter)
-        words = [cell.casefold() for cell in cells]
+        words = [cell.casefold().strip("_") for cell in cells]
         name, value, unit = (
             next((k for k, word in enumerate(words) if word in known), None)
             for known in (_NAMES, _VALUES, _UNITS)

@@ -7,6 +7,7 @@ and cells with their line numbers.  That is much slower than the fast path: abou
 from __future__ import annotations
 
 import bisect
+import copy
 import itertools
 import math
 from array import array
@@ -32,6 +33,7 @@ from identification.ingest.reader import blank_cell, not_finite
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import (
     ClockTimes,
+    LongTimes,
     expected_instead,
     is_number_word,
     is_time_of_day,
@@ -39,7 +41,7 @@ from identification.ingest.text.cells import (
     split_cells,
 )
 from identification.ingest.text.dialect import COMMENT_MARKS, Layout
-from identification.ingest.text.fast import read_clean
+from identification.ingest.text.fast import read_clean, read_times
 from identification.ingest.text.header import KEYS
 
 __all__ = ["SampleReader"]
@@ -48,6 +50,8 @@ __all__ = ["SampleReader"]
 _LINES_BEFORE = 20
 _BYTES_BEFORE = 20_000
 _PIECE_BYTES = 100_000
+# No elapsed time; the year 2001.
+_SINCE_1970_S = 1e9
 _OF_A_CUT_LINE = (RaggedRow, NotANumber, MissingValue, UnclosedQuote)
 
 
@@ -89,7 +93,7 @@ class SampleReader:
         self._blank_line: int | None = None
         """Line number of the first row of the last blank rows, or None."""
         time = next((c for c in channels if c.name == "time_s"), None)
-        self._clock = ClockTimes() if time is not None and _is_clock(time, layout) else None
+        self._clock = None if time is None else _clock(time, layout)
         self._layout = layout
         self._channels = channels
         self._parts: list[list[Array]] = [[] for _ in channels]
@@ -136,18 +140,27 @@ class SampleReader:
 
     def _clean(self, text: bytes) -> list[Array] | None:
         """Columns of a clean block; the first decimal sign found applies to the whole file."""
-        if self._clock is not None:
-            return None
+        clock, times, numeric, at = copy.copy(self._clock), None, [*self._channels], 0
+        if clock is not None:
+            at = [channel.name for channel in self._channels].index("time_s")
+            times = read_times(text, self._layout, numeric.pop(at), clock)
+            if times is None:
+                return None
         known = self._decimal
         is_comma_free = self._layout.delimiter != ","
         if known == "," and not is_comma_free:
             # Quoted decimal commas between commas are read cell by cell.
             return None
         for decimal in (known,) if known else (".", ",")[: 1 + is_comma_free]:
-            columns = read_clean(text, self._layout, self._channels, decimal)
+            columns = read_clean(text, self._layout, numeric, decimal)
             if columns is not None:
-                if decimal.encode() in text:
-                    self._decimal = decimal
+                is_seen = decimal.encode() in text
+                if times is not None:
+                    # The times may have another decimal sign.
+                    is_seen = any(np.any(cells % 1.0 > 0.0) for cells in columns)
+                    self._clock = clock
+                    columns.insert(at, times)
+                self._decimal = decimal if is_seen else known
                 return columns
         return None
 
@@ -231,7 +244,8 @@ class SampleReader:
         if len(cells) != self._layout.fields:
             ragged = RaggedRow(
                 f"the line has {len(cells)} fields, expected {self._layout.fields} as in the first "
-                "sample; write one line for each sample with a cell for each column",
+                "sample; write one line for each sample with a cell for each column, or remove a "
+                "damaged line, which leaves a gap",
                 row=number,
                 value=f"{len(cells)} fields",
             )
@@ -268,8 +282,8 @@ class SampleReader:
             seconds = self._clock.seconds(cell)
             if seconds is None:
                 raise NotANumber(
-                    f"{quoted(cell)} is no time of day like that of the first sample; expected one "
-                    "such as 08:00:00.125 or 2026-03-01T08:00:00.125",
+                    f"{quoted(cell)} is no time like that of the first sample, "
+                    f"{quoted(self._layout.sample[channel.column.index])}",
                     row=line,
                     column=channel.column.label,
                     value=cell,
@@ -304,15 +318,22 @@ def _pieces(text: bytes) -> Iterator[bytes]:
         start = end
 
 
-def _is_clock(time: Channel, layout: Layout) -> bool:
-    """Return True if the first time is a time of day, which the mapping must not scale."""
-    index = time.column.index
-    if index >= len(layout.sample) or not is_time_of_day(layout.sample[index]):
-        return False
+def _clock(time: Channel, layout: Layout) -> ClockTimes | LongTimes | None:
+    """Reader of times of day, which the mapping must not scale, or since 1970; None for others."""
+    cell = layout.sample[time.column.index] if time.column.index < len(layout.sample) else ""
+    number = number_text(cell.replace(",", "."), ".")
+    if (
+        number
+        and not time.offset
+        and float(number) * time.scale * time.unit.factor >= _SINCE_1970_S
+    ):
+        return LongTimes(number)
+    if not is_time_of_day(cell):
+        return None
     if (time.unit.name, time.scale, time.offset) != ("s", 1.0, 0.0):
         raise WrongUnit(
             "the cells are times of day, which are read in seconds; remove unit, scale and offset "
             "from the mapping",
             column=time.column.label,
         )
-    return True
+    return ClockTimes()

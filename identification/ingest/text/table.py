@@ -80,7 +80,7 @@ class TextTable:
         columns = [dataclasses.replace(column, index=column.index + at) for column in columns]
         # A delimiter at the end of each line makes a column without name and cells.
         named = [c for c in columns if c.texts or c.unit_texts or layout.sample[c.index]]
-        self.columns = [_with_clock(column, layout.sample) for column in named]
+        self.columns = _with_clocks(named, layout.sample)
         if layout.bare is not None and layout.bare.clock >= 0:
             (part,) = (c for c in self.columns if c.index == layout.bare.part)
             self.columns = [
@@ -149,6 +149,18 @@ class TextTable:
                     text = f"{note}, {clock[1]:.6g} s; a lost sample shows as no gap"
                     warnings.append(RunWarning("time_from_rows", text, self._file))
         return Samples(found, reader.lines.line, tuple(warnings))
+
+
+def _with_clocks(columns: Sequence[Column], sample: Sequence[str]) -> list[Column]:
+    """The columns, with the only one with times of day as the time if no name says so."""
+    if not any("time" in column.quantities for column in columns):
+        dated = [c for c in columns if c.index < len(sample) and is_time_of_day(sample[c.index])]
+        time = frozenset({"time"})
+        columns = [
+            dataclasses.replace(c, quantities=time) if dated == [c] and not c.quantities else c
+            for c in columns
+        ]
+    return [_with_clock(column, sample) for column in columns]
 
 
 def _with_clock(column: Column, sample: Sequence[str]) -> Column:

@@ -1,0 +1,115 @@
+"""Imitations of the exports of programs for drives, data bases and simulations."""
+
+from __future__ import annotations
+
+from tests.ingest.devices import DEVICE_UNITS, NAMES, device, text
+from tests.ingest.writers import RECORD, Specimen, mat, rows
+
+__all__ = ["EPOCH_NS", "PROGRAMS", "epoch"]
+
+EPOCH_NS = 1_772_352_000_000_000_000
+_UNITS = list(zip(NAMES, DEVICE_UNITS, strict=True))
+_MS = [round(1e3 * float(str(row[0]))) for row in rows()]
+_MATRIX = list(RECORD.values())
+
+
+def epoch(form: str) -> str:
+    """The record with times since 1970, in a form of whole and fractional seconds."""
+    header = ",".join(["Time", *list(RECORD)[1:]])
+    stamps = [form.format(whole=EPOCH_NS // 10**9, ms=f"{ms:03d}") for ms in _MS]
+    return text((header,), [[t, *row[1:]] for t, row in zip(stamps, rows(), strict=True)])
+
+
+def _paired(*keys: str) -> list[str]:
+    """Rows with the key before the value of each channel, as TwinCAT writes them."""
+    values = {
+        "Name": [f"Motor{name}" for name in NAMES],
+        "Unit": list(DEVICE_UNITS),
+        "SampleTime[ms]": ["1"] * 4,
+        "Data-Type": ["REAL64"] * 4,
+    }
+    return ["\t".join(f"{key}\t{value}" for value in values[key]) for key in keys]
+
+
+def _influx() -> str:
+    """Annotations, and a header again above each field."""
+    lines = []
+    for name, values in list(RECORD.items())[1:]:
+        lines += ["#group,false,false,true,false", "#datatype,string,dateTime,double,string"]
+        lines += ["#default,_result,,,", ",result,_time,_value,_field"]
+        for ms, value in zip(_MS, values.tolist(), strict=True):
+            lines.append(f",,2026-03-01T08:00:00.{ms:03d}Z,{value!r},{name}")
+        lines.append("")
+    return "\r\n".join(lines)
+
+
+PROGRAMS = (
+    device(
+        "twincat_units.csv",
+        "TwinCAT with the unit beside each channel",
+        text(
+            _paired("Name", "Data-Type", "SampleTime[ms]", "Unit"),
+            [[c for x in row[1:] for c in (ms, x)] for ms, row in zip(_MS, rows(), strict=True)],
+            "\t",
+        ),
+        implied=True,
+    ),
+    device(
+        "controldesk.csv",
+        "dSPACE ControlDesk, a label in front of the first sample",
+        text(
+            [
+                "name;time;" + ";".join(NAMES),
+                "unit;s;" + ";".join(DEVICE_UNITS),
+            ],
+            [["trace_values" if not k else "", *row] for k, row in enumerate(rows())],
+            ";",
+        ),
+    ),
+    device(
+        "picolog.csv",
+        "PicoLog, averages, times of day without a name",
+        text(
+            ["," + ",".join(f"{name} Ave. ({unit})" for name, unit in _UNITS)],
+            [
+                [f"2026-03-01T08:00:00.{ms:03d}+01:00", *row[1:]]
+                for ms, row in zip(_MS, rows(), strict=True)
+            ],
+        ),
+    ),
+    device(
+        "epos.txt",
+        "EPOS, actual values",
+        text(
+            [
+                "Sampling Period: 1 ms",
+                "Time [s]\t" + "\t".join(f"{n} actual value [{u}]" for n, u in _UNITS),
+            ],
+            rows(),
+            "\t",
+        ),
+    ),
+    device(
+        "plecs.csv",
+        "PLECS, the unit behind a slash",
+        text(['"Time / s",' + ",".join(f'"{n} / {u}"' for n, u in _UNITS)], rows()),
+    ),
+    device("influx.csv", "InfluxDB, a header above each field", _influx()),
+    Specimen(
+        "yout.mat",
+        "Simulink, tout and a matrix of outputs",
+        lambda p: mat(
+            p, {"tout": _MATRIX[0][:, None], "yout": list(zip(*_MATRIX[1:], strict=True))}
+        ),
+        mapping={
+            "time_s": {"column": "tout", "unit": "s"},
+            **{name: {"column": f"yout_{k}"} for k, name in enumerate(list(RECORD)[1:], 1)},
+        },
+    ),
+    Specimen(
+        "to_file.mat",
+        "Simulink, a matrix with a row for each signal",
+        lambda p: mat(p, {"data": _MATRIX}),
+        mapping={name: {"column": f"data_{k}"} for k, name in enumerate(RECORD, 1)},
+    ),
+)
