@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification.arrays import Array
-from identification.errors import BackwardTime, NoRows, RaggedRow
+from identification.errors import BackwardTime, MissingValue, NoRows, RaggedRow
 from identification.ingest.cells import numbers
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column
+from identification.ingest.display import listed
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
 from identification.ingest.timing import find_gaps
@@ -178,12 +179,20 @@ def is_apart(cells: Array) -> bool:
     return _FEWEST_BLANKS * cells.size <= blanks < cells.size
 
 
-def apart(samples: Samples, channels: Sequence[Channel], file: str) -> Samples:
+def apart(
+    samples: Samples, channels: Sequence[Channel], times: Sequence[str], file: str
+) -> Samples:
     """Bring channels with values in some rows of a table only to one clock.
+
+    Of several columns of times, with the titles `times`, each may belong to other channels.
 
     Raises:
         RunFileError: The times of a channel do not increase, or the channels have none in common.
+        MissingValue: There are several times, and only the first rows have a temperature.
     """
+    if len(times) > 1:
+        _refuse_other_times(samples, channels, times)
+        return samples
     used = [channel for channel in channels if channel.name != "time_s"]
     time = next((channel for channel in channels if channel.name == "time_s"), None)
     cells = [samples.cells[channel.name] for channel in used]
@@ -207,6 +216,23 @@ def apart(samples: Samples, channels: Sequence[Channel], file: str) -> Samples:
             for k, c in enumerate(used, 1)
         ]
     )
+
+
+def _refuse_other_times(
+    samples: Samples, channels: Sequence[Channel], times: Sequence[str]
+) -> None:
+    for channel in channels:
+        blank = np.isnan(samples.cells[channel.name])
+        count = int(np.count_nonzero(~blank))
+        if channel.may_be_blank and 1 < count < blank.size and not np.any(blank[:count]):
+            raise MissingValue(
+                f"only the first {count} rows have a value, which may belong to another of the "
+                f"times {listed(times)}; export the channel at the times of the voltage, or leave "
+                "it out",
+                row=samples.row(count),
+                column=channel.column.label,
+                examples=[{channel.name: None}],
+            )
 
 
 def _row(row: Callable[[int], int], samples: NDArray[np.intp], sample: int) -> int:

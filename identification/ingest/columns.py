@@ -78,6 +78,11 @@ class Column:
         return units.pop() if len(units) == 1 else None
 
     @property
+    def is_time(self) -> bool:
+        """True for a column of times, by its name or its unit."""
+        return "time" in self.quantities or (self.unit is not None and self.unit.quantity == "time")
+
+    @property
     def has_contradictory_units(self) -> bool:
         """True if the name and the units row give different units."""
         return len({find_unit(text) for text in self.unit_texts}) > 1

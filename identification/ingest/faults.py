@@ -41,11 +41,6 @@ class Faults:
         if self._count >= _MOST:
             self.refuse(f"; reading stopped at row {error.row}, after {_MOST} faults")
 
-    @property
-    def is_empty(self) -> bool:
-        """True if there are no faults."""
-        return not self._groups
-
     def errors(self) -> list[RunFileError]:
         """First fault of each column and kind; its message lists the rows of the others."""
         for first, others in self._groups.values():

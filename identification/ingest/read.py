@@ -18,7 +18,13 @@ import numpy as np
 import pandas as pd
 
 from identification.arrays import Array
-from identification.errors import AbsurdValue, FileTooLarge, MissingColumn, RaggedRow, TooFewRows
+from identification.errors import (
+    AbsurdValue,
+    FileTooLarge,
+    MissingColumn,
+    RaggedRow,
+    TooFewRows,
+)
 from identification.ingest.channels import Channel
 from identification.ingest.clipping import find_clipped
 from identification.ingest.clocks import apart
@@ -148,7 +154,8 @@ def _run(
     table, channels = choose_table(opened, mapping)
     samples = table.read(requested(channels))
     _check_size(samples, limits)
-    samples = apart(samples, requested(channels), file.name)
+    times = [column.title for column in table.columns if column.is_time]
+    samples = apart(samples, requested(channels), times, file.name)
     _check_size(samples, limits)
     labels = {name: channel.column.label for name, channel in channels.items()}
     locator = SourceLocator(file.name, labels, samples.row)

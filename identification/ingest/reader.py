@@ -125,7 +125,8 @@ def not_finite(cell: str, channel: Channel, row: int) -> NotFinite:
     """Error for a cell that is infinite or a word for a missing number."""
     return NotFinite(
         f"{quoted(cell)} is not a finite number; expected a number in {channel.unit.name}; "
-        "cut the run before or after the invalid samples",
+        "cut the run before or after the invalid samples, or leave the cell blank where the "
+        "channel was not logged",
         row=row,
         column=channel.column.label,
         value=cell,

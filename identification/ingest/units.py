@@ -73,8 +73,8 @@ _TURN = 2.0 * math.pi
 
 UNITS = (
     Unit("s", "time", symbols="S", words="sec secs second seconds"),
-    Unit("ms", "time", 1e-3, words="msec millisecond milliseconds"),
-    Unit("us", "time", 1e-6, symbols="µs", words="usec microsecond microseconds"),
+    Unit("ms", "time", 1e-3, words="msec millisecond milliseconds millis"),
+    Unit("us", "time", 1e-6, symbols="µs", words="usec microsecond microseconds micros"),
     Unit("ns", "time", 1e-9, words="nanosecond nanoseconds"),
     Unit("min", "time", 60.0, words="minute minutes"),
     Unit("V", "voltage", symbols="v", words="volt volts"),

@@ -94,6 +94,12 @@ PROGRAMS = (
         "PLECS, the unit behind a slash",
         text(['"Time / s",' + ",".join(f'"{n} / {u}"' for n, u in _UNITS)], rows()),
     ),
+    device(
+        "arduino.txt",
+        "Arduino, millis as the name of the time",
+        text(["millis volts amps rad/s celsius"], [[k, *r[1:]] for k, r in enumerate(rows())], " "),
+        implied=True,
+    ),
     device("influx.csv", "InfluxDB, a header above each field", _influx()),
     Specimen(
         "yout.mat",

@@ -68,20 +68,16 @@ class Leaf:
         """Cells of a vector in one dimension."""
         return np.ravel(np.asarray(self.load()))
 
-    def column(self, index: int) -> NDArray[np.generic]:
-        """Cells of one column of a matrix."""
-        return np.asarray(self.load())[:, index]
-
-    def row(self, index: int) -> NDArray[np.generic]:
-        """Cells of one row of a matrix."""
-        return np.asarray(np.asarray(self.load())[index])
+    def column(self, index: int, axis: int = 1) -> NDArray[np.generic]:
+        """Cells of one column of a matrix, or of one row with the axis 0."""
+        return np.asarray(np.take(np.asarray(self.load()), index, axis))
 
     def vectors(self) -> list[Leaf]:
         """Columns of a matrix, or the rows of one with more columns than rows; at most 64."""
         if len(self.shape) != 2 or not 1 < min(self.shape) <= _MOST_VECTORS:
             return []
-        cells = self.column if self.shape[0] > self.shape[1] else self.row
-        return [Leaf((max(self.shape),), partial(cells, k)) for k in range(min(self.shape))]
+        count, axis = min(self.shape), int(np.argmin(self.shape))
+        return [Leaf((max(self.shape),), partial(self.column, k, axis)) for k in range(count)]
 
 
 @dataclass(frozen=True)

@@ -33,17 +33,7 @@ from identification.ingest.text.cells import (
 
 __all__ = ["is_long", "long_table", "values_of"]
 
-_NAMES = (
-    "signal",
-    "signal name",
-    "signalname",
-    "name",
-    "varname",
-    "variable",
-    "channel",
-    "tag",
-    "field",
-)
+_NAMES = "signal,signal name,signalname,name,varname,variable,channel,tag,field".split(",")
 _VALUES = ("value", "varvalue", "wert")
 _UNITS = ("unit", "units", "einheit")
 _ANNOTATIONS = ("#group", "#datatype", "#default")

@@ -80,7 +80,8 @@ class TextTable:
         columns = [dataclasses.replace(column, index=column.index + at) for column in columns]
         # A delimiter at the end of each line makes a column without name and cells.
         named = [c for c in columns if c.texts or c.unit_texts or layout.sample[c.index]]
-        self.columns = _with_clocks(named, layout.sample)
+        is_named = any("time" in column.quantities for column in named)
+        self.columns = [_with_clock(column, layout.sample, is_named) for column in named]
         if layout.bare is not None and layout.bare.clock >= 0:
             (part,) = (c for c in self.columns if c.index == layout.bare.part)
             self.columns = [
@@ -107,10 +108,9 @@ class TextTable:
         for block in self._blocks:
             reader.add(bare.block(block) if bare else block)
         found = reader.samples() if reader.lines.total else {}
-        if not reader.faults.is_empty:
-            # Blank cells are reported with them, except where a row has some channels only.
-            lacking = [c for c in cells if found and not is_apart(found[c.name])]
-            refuse_not_finite(lacking, found, reader.lines.line, reader.faults)
+        # Blank cells are faults, too, except where a row has some channels only.
+        whole = [] if any(map(is_apart, found.values())) or not found else cells
+        refuse_not_finite(whole, found, reader.lines.line, reader.faults)
         if not found:
             raise NoRows(
                 "no sample below the header; expected one line for each sample",
@@ -151,24 +151,13 @@ class TextTable:
         return Samples(found, reader.lines.line, tuple(warnings))
 
 
-def _with_clocks(columns: Sequence[Column], sample: Sequence[str]) -> list[Column]:
-    """The columns, with the only one with times of day as the time if no name says so."""
-    if not any("time" in column.quantities for column in columns):
-        dated = [c for c in columns if c.index < len(sample) and is_time_of_day(sample[c.index])]
-        time = frozenset({"time"})
-        columns = [
-            dataclasses.replace(c, quantities=time) if dated == [c] and not c.quantities else c
-            for c in columns
-        ]
-    return [_with_clock(column, sample) for column in columns]
-
-
-def _with_clock(column: Column, sample: Sequence[str]) -> Column:
-    """The column in seconds if it is a time and its cells are times of day."""
+def _with_clock(column: Column, sample: Sequence[str], is_named: bool) -> Column:
+    """The column in seconds if its cells are times of day, and no other is named as the time."""
     cell = sample[column.index] if column.index < len(sample) else ""
     if "time" in column.quantities and cell.isdigit() and len(cell) > _LONGEST_COUNT:
         # Ticks of a calendar are in no unit of the table, whatever the header says.
         return dataclasses.replace(column, unit_texts=())
-    if "time" not in column.quantities or not is_time_of_day(cell):
+    is_time = "time" in column.quantities or not (is_named or column.quantities)
+    if not is_time or not is_time_of_day(cell):
         return column
     return dataclasses.replace(column, quantities=frozenset({"time"}), unit_texts=("s",))
