@@ -41,6 +41,9 @@ def test_lines_like_most_are_not_taken_apart_cell_by_cell(
     monkeypatch.setattr("identification.ingest.text.bare._parts", taken_apart)
 
     assert bare.line(line) == plain
+    timed = BareCells(delimiter, ("", "", "U"), ("", "", ""), clock=0, part=1, digits=3)
+    cells = delimiter.join(["08:00:00", "7", "U:2.5"])
+    assert timed.line(cells) == delimiter.join(["08:00:00.007", "7", "2.5"])
 
 
 @pytest.mark.parametrize(

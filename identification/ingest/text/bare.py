@@ -87,13 +87,14 @@ class BareCells:
 
     def line(self, text: str) -> str:
         """The line with plain cells, if it has as many as the first sample."""
-        if self.clock < 0 and (usual := self._usual.fullmatch(text)) is not None:
-            return self.delimiter.join(usual.groups())
-        cells = split_cells(text, self.delimiter)
+        usual = self._usual.fullmatch(text)
+        cells = split_cells(text, self.delimiter) if usual is None else list(usual.groups())
         if len(cells) != len(self.labels):
             return text
         if self.clock >= 0:
             cells[self.clock] += "." + (self.fraction(cells) or "?")
+        if usual is not None:
+            return self.delimiter.join(cells)
         return self.delimiter.join(map(self._cell, cells, self.labels, self.units))
 
     def fraction(self, cells: Sequence[str]) -> str:
@@ -114,9 +115,9 @@ class BareCells:
         return re.compile(
             gap.join(
                 (rf"{re.escape(label)}[:=]\s?" if label else "")
-                + number
+                + (number if at != self.clock else r"(\d[\d:./-]*)")
                 + (f" ?{re.escape(unit)}" if unit else "")
-                for label, unit in zip(self.labels, self.units, strict=True)
+                for at, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
             ),
             re.ASCII,
         )
