@@ -40,7 +40,8 @@ def filtered_run(speed_filter: float = 0.0, seed: int = 5) -> Run:
             turning += (w - turning) * STEP / 20 / (speed_filter or FILTER)
     current += rng.normal(0.0, 0.01, ROWS)
     speed += rng.normal(0.0, 1.0, ROWS)
-    return Run(f"{seed}.csv", str(seed), STEP * np.arange(ROWS, dtype=np.float64), voltage, current, speed)
+    time = STEP * np.arange(ROWS, dtype=np.float64)
+    return Run(f"{seed}.csv", str(seed), time, voltage, current, speed)
 
 
 def test_a_fit_that_ends_with_the_whole_lag_in_the_inductance_is_repeated(
