@@ -20,22 +20,26 @@ from app.access.service import AccessService
 from app.database import Database
 from app.settings import load_settings
 from motorid.client import Client
+from tests.motors import simulated
 
 ENDED = {"succeeded", "failed", "cancelled"}
 API = "/api/v1"
 PRETENDED = "tests.app.pretended:identify"
 _COMMAND = "import sys; from app.cli import main; sys.exit(main())"
+MOTOR = np.array([2.0, 0.004, 0.05, -0.001, 2e-5, 2e-5, 2e-3])
+"""Values in the order of `tests.motors.NAMES`; a fit of another motor's signals takes longer."""
 HEADER = "time_s,voltage_V,current_A,speed_rad_s,temperature_degC"
 
 
 def run_text(seed: int, rows: int = 60) -> bytes:
-    """Plausible run file, different for each seed."""
+    """Run file of `MOTOR`, different for each seed."""
     noise = np.random.default_rng(seed)
     step = np.arange(rows)
     voltage = np.where(step // 10 % 2 == 0, 12.0, -12.0) + noise.normal(0.0, 0.05, rows)
-    speed = np.cumsum(voltage) * 0.5 + noise.normal(0.0, 0.1, rows)
-    current = voltage / 10.0 - speed / 100.0 + noise.normal(0.0, 0.01, rows)
-    temperature = 25.0 + step / rows + noise.normal(0.0, 0.01, rows)
+    temperature = 25.0 + step / rows
+    followed = simulated(MOTOR, 1e-3, voltage, temperature, np.zeros(2))
+    current, speed = (followed + noise.normal(0.0, (0.01, 0.1), (rows, 2))).T
+    temperature += noise.normal(0.0, 0.01, rows)
     cells = np.column_stack([step * 1e-3, voltage, current, speed, temperature])
     lines = [",".join(f"{cell:.6f}" for cell in row) for row in cells]
     return "\n".join([HEADER, *lines, ""]).encode()
