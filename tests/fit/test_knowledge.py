@@ -25,8 +25,8 @@ SLOW = Motor("slow bench", motor_named("coreless 10 W").values, 24.0, 5e-3, 40)
 
 
 def fitted(runs: list[Run], **options: Any) -> dict[str, Any]:
-    """Result of a fit of the nominal model."""
-    return identify(runs, (), FitOptions(effects=False, **options)).result
+    """Result of a fit of the nominal model to runs whose voltage is held between samples."""
+    return identify(runs, (), FitOptions(effects=False, hold="zoh", **options)).result
 
 
 def quick(runs: list[Run], **options: Any) -> dict[str, Any]:
