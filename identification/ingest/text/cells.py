@@ -107,7 +107,7 @@ def expected_instead(cell: str, unit: str) -> str:
 
 def is_time_of_day(cell: str) -> bool:
     """Return True for a time of day, with or without a date."""
-    return _TIME.fullmatch(cell) is not None
+    return ":" in cell and _TIME.fullmatch(cell) is not None
 
 
 def is_whole_second(cell: str) -> bool:

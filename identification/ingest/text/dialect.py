@@ -151,7 +151,7 @@ def _first_usual(lines: list[Line], delimiter: str, fields: int, at: int) -> int
 def _bare_cells(lines: list[Line], delimiter: str, fields: int) -> BareCells | None:
     """Rewriting of samples with labels, units or thousands separators; None if there are none."""
     bare = BareCells.of(delimiter, split_cells(lines[0].text, delimiter))
-    rows = [split_cells(line.text, delimiter) for line in lines]
+    rows = (split_cells(line.text, delimiter) for line in lines)
     is_needed = bool(bare.header) or any(map(is_grouped, itertools.chain.from_iterable(rows)))
     return bare if is_needed else None
 
@@ -222,12 +222,14 @@ def _with_clock(
     bare: BareCells, header: tuple[tuple[str, ...], ...], lines: list[Line]
 ) -> BareCells | None:
     """Rewriting that completes a time of day by the column of its fraction; None if none does."""
+    columns = read_columns(header)
+    names = [c.unit.name if c.unit is not None else c.title.casefold() for c in columns]
+    if _DIGITS.keys().isdisjoint(names):
+        return None
     rows = [split_cells(line.text, bare.delimiter) for line in lines]
     rows = [cells for cells in rows if len(cells) == len(bare.labels)]
-    columns = read_columns(header)
     times = [c for c in columns if "time" in c.quantities and is_whole_second(rows[0][c.index])]
-    for column in columns:
-        name = column.unit.name if column.unit is not None else column.title.casefold()
+    for column, name in zip(columns, names, strict=True):
         if len(times) == 1 and name in _DIGITS:
             found = replace(bare, clock=times[0].index, part=column.index, digits=_DIGITS[name])
             if all(map(found.fraction, rows)):
@@ -241,7 +243,11 @@ def _best_delimiter(
     """Highest score, its delimiter, number of fields, and index of the first sample."""
     best: tuple[float, str, int, int] | None = None
     for delimiter in delimiters:
-        rows = [split_cells(line.text, delimiter) for line in lines]
+        # A line without the delimiter is one cell, which no table has.
+        rows = [
+            split_cells(line.text, delimiter) if _is_divided(line.text, delimiter) else []
+            for line in lines
+        ]
         shares = [_share_of_numbers(cells, is_value) for cells in rows]
         counts = Counter(len(cells) for cells, share in zip(rows, shares, strict=True) if share)
         if not counts:
@@ -261,6 +267,11 @@ def _is_first(cells: list[str], below: list[str], fields: int) -> bool:
     is_sparse = "" in cells[1:-1] and (is_number(cells[0]) or is_clock(cells[0]))
     is_labelled = not below[0] and cells[0] in _SAMPLES and all(map(is_number, cells[1:]))
     return len(cells) == fields and (is_sparse or is_labelled)
+
+
+def _is_divided(text: str, delimiter: str) -> bool:
+    """Return False for a line that `split_cells` does not divide."""
+    return delimiter in text if delimiter != " " else '"' in text or len(text.split(None, 1)) > 1
 
 
 def _share_of_numbers(cells: list[str], is_value: Callable[[str], bool]) -> float:

@@ -119,8 +119,9 @@ def _header(line: str) -> _Header | None:
             next((k for k, word in enumerate(words) if word in known), None)
             for known in (_NAMES, _VALUES, _UNITS)
         )
-        is_wide = sum(map(is_channel_name, cells)) > 2
-        if name is not None and value is not None and any(map(_is_time, cells)) and not is_wide:
+        if name is None or value is None or not any(map(_is_time, cells)):
+            continue
+        if sum(map(is_channel_name, cells)) <= 2:
             return _Header(delimiter, cells, name, value, unit)
     return None
 
