@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 
 import pytest
 import scipy.linalg  # noqa: F401  a library must be loaded before its threads can be limited
@@ -16,6 +17,11 @@ settings.load_profile("any-load")
 # The processes of a run share the cores: threads of linear algebra would only wait for each other.
 # A fit has this limit in any case; the tests of its parts have it here.
 repeatable_algebra()
+
+# The tests call their services by plain HTTP, but httpx reads the authorities of the machine for
+# each client (32 ms).  A directory is searched only when a certificate is checked.
+os.environ.pop("SSL_CERT_FILE", None)
+os.environ["SSL_CERT_DIR"] = os.path.dirname(__file__)
 
 LONG = (
     "app/test_torture.py",
