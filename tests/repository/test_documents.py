@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import os
 import re
@@ -23,6 +24,7 @@ PAGES = sorted(
     for pattern in ("*.md", "docs/**/*.md", "data/**/*.md", "benchmarks/**/*.md")
     for path in ROOT.glob(pattern)
 )
+COMMANDS = typer.main.get_command(command_line)
 DECISIONS = [page for page in PAGES if page.startswith("docs/adr/")]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
@@ -31,11 +33,13 @@ PATH = re.compile(
 )
 
 
+@functools.cache
 def read(page: str) -> str:
     """Text of a page of the project."""
     return (ROOT / page).read_text(encoding="utf-8")
 
 
+@functools.cache
 def make_targets() -> set[str]:
     """Targets of the Makefile that have a line in `make help`."""
     return set(re.findall(r"^([a-z-]+):[^#\n]*## ", read("Makefile"), re.MULTILINE))
@@ -56,6 +60,7 @@ def command_words(words: list[str]) -> list[str]:
     return words
 
 
+@functools.cache
 def anchors(page: str) -> set[str]:
     """Link anchors of the headings of a page."""
     headings = re.findall(r"^#+ (.+)$", FENCE.sub("", read(page)), re.MULTILINE)
@@ -92,18 +97,17 @@ def test_every_make_target_on_a_page_exists(page: str) -> None:
 @pytest.mark.parametrize("page", PAGES)
 def test_every_command_on_a_page_is_defined(page: str) -> None:
     """`motorid NAME --option` in shell blocks uses defined commands and options."""
-    known = typer.main.get_command(command_line)
     for words in map(command_words, shell_lines(page)):
         if not words or Path(words[0]).name != "motorid":
             continue
-        command, rest = known, words[1:]
+        command, rest = COMMANDS, words[1:]
         while rest and rest[0] in (below := getattr(command, "commands", {})):
             command, rest = below[rest[0]], rest[1:]
         options = {name for parameter in command.params for name in parameter.opts}
         options |= {name for parameter in command.params for name in parameter.secondary_opts}
         given = {word.split("=")[0] for word in rest if word.startswith("--")}
 
-        assert command is not known or given, f"{page}: {' '.join(words)} names no command"
+        assert command is not COMMANDS or given, f"{page}: {' '.join(words)} names no command"
         assert given - options - {"--help"} == set(), f"{page}: {' '.join(words)}"
 
 

@@ -7,9 +7,7 @@ import functools
 import importlib
 import inspect
 from pathlib import Path
-from types import FunctionType
-
-import pytest
+from types import FunctionType, ModuleType
 
 import identification
 
@@ -26,6 +24,7 @@ LONGEST_FUNCTION_IN_LINES = 60
 METHODS = (FunctionType, classmethod, staticmethod, property, functools.cached_property)
 
 
+@functools.cache
 def parsed(file: str) -> ast.Module:
     """Syntax tree of a file of the project."""
     return ast.parse((ROOT / file).read_text(encoding="utf-8"), filename=file)
@@ -65,20 +64,23 @@ def test_every_file_begins_with_a_docstring() -> None:
     } == {}
 
 
-@pytest.mark.parametrize("file", LIBRARY)
-def test_every_file_of_the_packages_lists_its_public_names(file: str) -> None:
-    """Each module that defines a public name has `__all__`, and its names exist."""
-    tree = parsed(file)
-    names = exported(tree)
-
-    if names is None:
-        assert not defined(tree), f"{file} defines {sorted(defined(tree))} without __all__"
-        return
-    module = importlib.import_module(
+def imported(file: str) -> ModuleType:
+    """Module of a file of the project."""
+    return importlib.import_module(
         file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
     )
-    assert len(names) == len(set(names))
-    assert [name for name in names if not hasattr(module, name)] == []
+
+
+def test_every_file_of_the_packages_lists_its_public_names() -> None:
+    """Each module that defines a public name has `__all__`, and its names exist."""
+    listed = {file: exported(parsed(file)) for file in LIBRARY}
+    unlisted = {file: defined(parsed(file)) for file in LIBRARY if listed[file] is None}
+    names = {file: found for file, found in listed.items() if found is not None}
+
+    assert {file: found for file, found in unlisted.items() if found} == {}
+    assert [file for file, found in names.items() if len(found) != len(set(found))] == []
+    missing = {f: [n for n in found if not hasattr(imported(f), n)] for f, found in names.items()}
+    assert {file: found for file, found in missing.items() if found} == {}
 
 
 def undescribed(kind: type) -> list[str]:
@@ -95,21 +97,17 @@ def undescribed(kind: type) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("file", LIBRARY)
-def test_every_public_method_is_described_by_its_class_or_a_base_class(file: str) -> None:
+def test_every_public_method_is_described_by_its_class_or_a_base_class() -> None:
     """CONTRIBUTING.md: an override has a docstring only if it says more than that of the base."""
-    if exported(parsed(file)) is None:
-        return
-    module = importlib.import_module(
-        file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    )
+    modules = [imported(file) for file in LIBRARY if exported(parsed(file)) is not None]
     kinds = [
         kind
+        for module in modules
         for name, kind in vars(module).items()
         if inspect.isclass(kind) and kind.__module__ == module.__name__ and name[0] != "_"
     ]
 
-    assert [name for kind in kinds for name in undescribed(kind)] == []
+    assert {k.__module__: found for k in kinds if (found := undescribed(k))} == {}
 
 
 def test_a_method_without_any_docstring_is_found() -> None:
