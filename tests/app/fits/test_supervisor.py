@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from app.database import Database
-from app.fits import repository, starter, supervisor
+from app.fits import repository, starter
 from app.fits.engine import LOST
 from tests.app.fits.supervised import Bench, until
 
@@ -228,7 +228,6 @@ def test_resource_shortage_does_not_count_against_a_fit(
 ) -> None:
     """Four refusals exceed the limit of three that applies to other errors."""
     monkeypatch.setattr(starter, "_FIRST_PAUSE_S", 0.05)
-    monkeypatch.setattr(supervisor, "_IDLE_S", 0.1)
     bench.engine.refusals = 4
     fit = bench.queue()
     bench.started(1).succeed()
