@@ -21,7 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from identification.arrays import Array, Bool
+from identification.arrays import Array, Bool, stretches
 from identification.checks.balance import Signals, predicted, signals_of
 from identification.checks.finding import Finding
 from identification.differences import difference_noise
@@ -105,8 +105,7 @@ def without(run: Run, limited: Bool | None) -> Run:
         return run
     segments: list[tuple[int, int]] = []
     for start, stop in run.segments:
-        edges = np.flatnonzero(np.diff(limited[start:stop], prepend=True, append=True))
-        pairs = (edges.reshape(-1, 2) + start).tolist()
+        pairs = (stretches(~limited[start:stop]) + start).tolist()
         segments += [(first, last) for first, last in pairs if last - first >= _FEWEST // 2]
     return dataclasses.replace(run, segments=tuple(segments)) if segments else run
 

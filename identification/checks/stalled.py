@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from identification.arrays import Array, Bool, Index
+from identification.arrays import Array, Bool, stretches
 from identification.checks.balance import Signals, signals_of
 from identification.checks.coasting import all_marked
 from identification.checks.finding import Finding
@@ -63,7 +63,7 @@ def stalled_of(run: Run) -> Stall | None:
     top = float(np.abs(signals.speed).max())
     stays = [
         (start, stop)
-        for start, stop in _stretches(np.abs(signals.speed) <= _REST * top)
+        for start, stop in stretches(np.abs(signals.speed) <= _REST * top).tolist()
         if stop - start >= _FEWEST
     ]
     found = _torque_balance(signals, _REST * top) if stays and top > 0.0 else None
@@ -127,12 +127,6 @@ def _is_balanced(signals: Signals, start: int, stop: int) -> bool:
     left = (signals.voltage - matrix @ values)[inside]
     size = float(np.mean(signals.voltage[inside] ** 2))
     return float(np.mean(left**2)) < _CHANGED**2 * size
-
-
-def _stretches(marked: Bool) -> list[tuple[int, int]]:
-    """First and last (exclusive) samples of the stretches with a mark."""
-    edges: Index = np.flatnonzero(np.diff(np.concatenate(([False], marked, [False]))))
-    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
 def _means(signal: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Any, Final
 import casadi as ca
 import numpy as np
 
-from identification.arrays import Array
+from identification.arrays import Array, evenly
 from identification.export.c_code import TEMPLATES
 from identification.export.language import Language, printed
 from identification.export.linear import best_values, matrices, polynomials
@@ -116,8 +116,7 @@ def _linear(
     values: Mapping[str, float], draws: Mapping[str, Array], temperature: float
 ) -> dict[str, Any]:
     """Numbers of the linear motor at one temperature: of the best values, then of the samples."""
-    count = np.asarray(draws["J"]).size
-    kept = np.unique(np.linspace(0, count - 1, _SAMPLES).astype(int))
+    kept = evenly(np.asarray(draws["J"]).size, _SAMPLES)
     some = {name: np.asarray(draws[name])[kept] for name in values}
     entry: dict[str, Any] = {"temperature": float(temperature)}
     for name, chosen in (("best", values), ("samples", some)):

@@ -13,14 +13,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool, Index, stretches
 from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["find_clipped"]
-
-Mask = NDArray[np.bool_]
 
 _SHORTEST_PLATEAU = 5
 _FEWEST_SAMPLES = 10
@@ -38,14 +35,14 @@ _USED = "probably because the drive is at its limit; the samples are used as log
 
 def find_clipped(
     channels: dict[str, Array], locator: SourceLocator
-) -> tuple[dict[str, Mask], list[RunWarning]]:
+) -> tuple[dict[str, Bool], list[RunWarning]]:
     """Find samples at the limit of a sensor.
 
     Returns:
         Channel name to boolean (n_sample,), True at the limit, for channels with such samples; and
         one warning for each limit.
     """
-    clipped: dict[str, Mask] = {}
+    clipped: dict[str, Bool] = {}
     warnings = []
     for name, signal in channels.items():
         treatment = _USED if name == "voltage_V" else _OMITTED
@@ -59,9 +56,9 @@ def find_clipped(
     return clipped, warnings
 
 
-def _is_clipped(name: str, signal: Array, limit: float, at_limit: Mask) -> bool:
+def _is_clipped(name: str, signal: Array, limit: float, at_limit: Bool) -> bool:
     """Return True if the samples at one extreme look like sensor saturation."""
-    plateaus = _plateaus(at_limit)
+    plateaus = stretches(at_limit)
     lengths = plateaus[:, 1] - plateaus[:, 0]
     long = lengths >= _SHORTEST_PLATEAU
     if int(lengths[long].sum()) < _FEWEST_SAMPLES:
@@ -78,13 +75,7 @@ def _is_clipped(name: str, signal: Array, limit: float, at_limit: Mask) -> bool:
     return name != "voltage_V" and _enters_with_a_step(signal, at_limit, plateaus[long])
 
 
-def _plateaus(flags: Mask) -> NDArray[np.intp]:
-    """Index ranges of consecutive True values, first and one past the last, (n_plateau, 2)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    return edges.reshape(-1, 2)
-
-
-def _longest_repeat(signal: Array, at_limit: Mask) -> int:
+def _longest_repeat(signal: Array, at_limit: Bool) -> int:
     """Largest number of consecutive equal samples away from the limit."""
     same = (np.diff(signal) == 0.0) & ~at_limit[1:]
     # Exclude the other extreme, which may be a limit as well.
@@ -92,7 +83,7 @@ def _longest_repeat(signal: Array, at_limit: Mask) -> int:
     same &= signal[1:] != other
     # Exclude standstill, where an encoder reads exactly zero.
     same &= np.abs(signal[1:]) > _STANDSTILL * np.ptp(signal)
-    plateaus = _plateaus(same)
+    plateaus = stretches(same)
     return 1 + (int((plateaus[:, 1] - plateaus[:, 0]).max()) if plateaus.size else 0)
 
 
@@ -114,7 +105,7 @@ def _has_noise(signal: Array) -> bool:
     return bool(noise > np.min(levels))
 
 
-def _enters_with_a_step(signal: Array, at_limit: Mask, long: NDArray[np.intp]) -> bool:
+def _enters_with_a_step(signal: Array, at_limit: Bool, long: Index) -> bool:
     """Return True if the median step into the limit is comparable to the usual step.
 
     A single step of the resolution has no slope: a coarse encoder shows it at a steady speed, too.

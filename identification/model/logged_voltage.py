@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from identification.arrays import Array, Bool
+from identification.arrays import Array, Bool, stretches
 from identification.model.quantisation import stays, step_of
 
 __all__ = ["smooth_voltage", "voltage_step"]
@@ -113,8 +113,7 @@ def _cross_validated(logged: Array, kept: Bool) -> tuple[Array, float, float]:
     The second differences with `kept` (n_sample - 2,) are penalised.
     """
     # Each run of n penalised differences joins n + 2 samples; all other samples stand alone.
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(int)))
-    sizes, counts = np.unique(ends[1::2] - ends[::2] + 2, return_counts=True)
+    sizes, counts = np.unique(np.diff(stretches(kept)) + 2, return_counts=True)
     alone = logged.size - float(sizes @ counts)
     best, chosen, noise, least = logged, 0.0, 0.0, np.inf
     for stiffness in _STIFFNESSES:

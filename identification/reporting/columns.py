@@ -20,7 +20,7 @@ from typing import Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.arrays import Array, Bool, Index
+from identification.arrays import Array, Bool, Index, stretches
 from identification.result.numbers import count_text
 from identification.result.report_data import RunTraces
 from identification.result.residuals import gaps
@@ -209,7 +209,7 @@ def encoded(values: Array, step: float = 0.0) -> Column:
     zigzag = ((words << 1) ^ (words >> 63)).astype(np.uint32)
     planes = zigzag.astype("<u4").view(np.uint8).reshape(-1, 4).T
     return Column(
-        low=low, step=step, order=order, missing=_stretches(~finite), plus="",
+        low=low, step=step, order=order, missing=_missing(finite), plus="",
         data=base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode("ascii"),
     )  # fmt: skip
 
@@ -220,11 +220,9 @@ def _differences(words: NDArray[np.int64], order: int) -> NDArray[np.int64]:
     return words
 
 
-def _stretches(mask: Bool) -> list[int]:
-    """First index and length of each stretch of true values, in turn."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
-    firsts, ends = edges[::2], edges[1::2]
-    return [int(value) for value in np.column_stack([firsts, ends - firsts]).ravel()]
+def _missing(finite: Bool) -> list[int]:
+    """First index and length of each stretch of missing values, in turn."""
+    return [int(x) for first, last in stretches(~finite) for x in (first, last - first)]
 
 
 def extremes(channels: Sequence[Array], buckets: int) -> Index:

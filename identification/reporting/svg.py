@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.arrays import Array
+from identification.arrays import Array, stretches
 from identification.result.numbers import number_text
 
 __all__ = [
@@ -147,9 +147,8 @@ def path(x: Array, y: Array, kind: str, closed: bool = False) -> str:
     """Polyline through drawing coordinates, interrupted where a coordinate is not finite."""
     pieces = []
     finite = np.isfinite(x) & np.isfinite(y)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], finite.astype(np.int8), [0]))))
     x, y = np.clip(x, -_FAR, _FAR), np.clip(y, -_FAR, _FAR)
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in stretches(finite):
         points = " ".join(f"{a:.1f} {b:.1f}" for a, b in zip(x[first:last], y[first:last]))  # noqa: B905
         pieces.append(f"M{points}{'Z' if closed else ''}")
     return f'<path class="{kind}" d="{"".join(pieces)}"/>' if pieces else ""

@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.arrays import Array, Bool
+from identification.arrays import Array, Bool, evenly
 from identification.fit.solve import Fit
 from identification.model.composite import MotorModel
 from identification.model.term import AbstractTerm
@@ -78,8 +78,7 @@ def simulated_loops(
     terms = acting_terms(model)
     if not terms:
         return []
-    count = np.asarray(draws["J"]).size
-    kept = np.unique(np.linspace(0, count - 1, _DRAWS).astype(int))
+    kept = evenly(np.asarray(draws["J"]).size, _DRAWS)
     some = {name: np.asarray(values, dtype=np.float64)[kept] for name, values in draws.items()}
     bench = _Bench(fit, terms, some, checked_temperatures(temperatures))
     return [

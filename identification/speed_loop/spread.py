@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.arrays import Array
+from identification.arrays import Array, evenly
 from identification.errors import OptionError
 from identification.speed_loop.controller import AbstractController, parse_controllers
 from identification.speed_loop.loop import Loop, close, motor_draws
@@ -103,8 +103,7 @@ def step_curves(
     parsed = parse_controllers(controllers)
     asked = checked_temperatures(temperatures)
     motors = motor_draws(draws, asked)
-    count = motors["J"].size
-    kept = np.unique(np.linspace(0, count - 1, most_draws).astype(int))
+    kept = evenly(motors["J"].size, most_draws)
     motors = {name: values[kept] for name, values in motors.items()}
     curves = []
     for controller in parsed:

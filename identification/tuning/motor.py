@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.arrays import Array
+from identification.arrays import Array, evenly
 from identification.errors import InputError, OptionError
 from identification.model.composite import MotorModel
 from identification.prediction import model_of
@@ -46,8 +46,7 @@ class UncertainMotor:
 
     def thinned(self, most: int) -> UncertainMotor:
         """The motor with at most `most` draws, evenly spaced."""
-        kept = np.unique(np.linspace(0, self.count - 1, most).astype(int))
-        return replace(self, values=self.values[:, kept])
+        return replace(self, values=self.values[:, evenly(self.count, most)])
 
     def plants(self, temperature: float) -> tuple[Array, Array]:
         """Gain and denominator of the linear motor for each draw, as `feedback.loop.plant`."""

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import beta
 
-from identification.arrays import Array
+from identification.arrays import Array, evenly
 from identification.errors import OptionError
 from identification.speed_loop.controller import KINDS, AbstractController, parse_controllers
 from identification.speed_loop.metrics import quantity
@@ -223,7 +223,7 @@ def _bands(judge: Judge, gains: Array, samples: int) -> list[dict[str, Any]]:
     shown = min(samples, judge.samples())
     entries = []
     for temperature, run in zip(few.temperatures, few.responses(gains, shown), strict=True):
-        kept = np.unique(np.linspace(0, run.time.size - 1, _POINTS).astype(int))
+        kept = evenly(run.time.size, _POINTS)
         entry: dict[str, Any] = {"temperature_degC": temperature, "time_s": run.time[kept].tolist()}
         for name in ("speed", "current", "voltage"):
             drawn = np.clip(np.nan_to_num(vars(run)[name][kept]), -1e9, 1e9)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.arrays import Array
+from identification.arrays import Array, evenly
 from identification.reporting.svg import Frame, path, svg, text, tick_words
 from identification.result.highest_density import density, enclosing_heights, outlines
 from identification.result.numbers import scaled_unit, unit_power
@@ -31,7 +31,7 @@ def corner_figure(posterior: PosteriorChain) -> str:
     """
     names, units = posterior.names[:MOST_PARAMETERS], posterior.units[:MOST_PARAMETERS]
     draws = posterior.chain.reshape(-1, posterior.chain.shape[2])[:, : len(names)]
-    draws = draws[np.unique(np.linspace(0, len(draws) - 1, min(len(draws), 20_000)).astype(int))]
+    draws = draws[evenly(len(draws), 20_000)]
     powers = [
         unit_power(float(np.max(np.abs(np.quantile(column, (0.05, 0.95)))))) for column in draws.T
     ]
