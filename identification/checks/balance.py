@@ -36,7 +36,6 @@ __all__ = [
     "Regression",
     "Signals",
     "Windows",
-    "balances_of",
     "has_signal",
     "is_constant",
     "mean_square",
@@ -86,6 +85,22 @@ class Signals:
     sample."""
     warmth: Array
     """(n_sample,) what R and K may change with: temperature, or time where none is logged [-]."""
+
+    @cached_property
+    def balances(self) -> tuple[Balance, ...]:
+        """The balances over each of `windows_of`."""
+        v, i, w = self.voltage, self.current, self.speed
+        i_noise, w_noise = (difference_noise([x], _ORDER) ** 2 for x in (i, w))
+        found = []
+        for windows in windows_of(self):
+            count = float(np.median(np.diff(windows.edges)))
+            rate = 2.0 / float(np.median(np.diff(windows.time[windows.edges]))) ** 2
+            noise = i_noise / count, w_noise / count, i_noise * rate, w_noise * rate
+            means = [windows.mean(x) for x in (v, i, w)]
+            rates = windows.rate(i), windows.rate(w)
+            warmth = windows.mean(self.warmth)
+            found.append(Balance(means[0], means[1], means[2], rates[0], rates[1], warmth, noise))
+        return tuple(found)
 
 
 def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
@@ -313,22 +328,6 @@ def windows_of(signals: Signals) -> list[Windows]:
 def _windows(signals: Signals, length: int) -> Windows:
     edges = np.arange((signals.time.size - 1) // length + 1) * length
     return Windows(signals.time, edges, np.add.reduceat(~signals.joined, edges[:-1]) == 0)
-
-
-def balances_of(signals: Signals) -> list[Balance]:
-    """The balances over each of `windows_of`."""
-    v, i, w = signals.voltage, signals.current, signals.speed
-    i_noise, w_noise = (difference_noise([x], _ORDER) ** 2 for x in (i, w))
-    found = []
-    for windows in windows_of(signals):
-        count = float(np.median(np.diff(windows.edges)))
-        rate = 2.0 / float(np.median(np.diff(windows.time[windows.edges]))) ** 2
-        noise = i_noise / count, w_noise / count, i_noise * rate, w_noise * rate
-        means = [windows.mean(x) for x in (v, i, w)]
-        rates = windows.rate(i), windows.rate(w)
-        warmth = windows.mean(signals.warmth)
-        found.append(Balance(means[0], means[1], means[2], rates[0], rates[1], warmth, noise))
-    return found
 
 
 def reverses(signal: Array) -> bool:

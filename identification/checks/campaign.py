@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.balance import Signals, balances_of, has_signal, signals_of
+from identification.checks.balance import Signals, has_signal, signals_of
 from identification.checks.coasting import coasting_finding, coasting_of
 from identification.checks.consistency import consistency_findings, estimate_of
 from identification.checks.dead import (
@@ -201,7 +201,7 @@ def _locked(run: Run, held: float) -> Finding:
 
 def _unexplained(run: Run, signals: Signals) -> Iterator[Finding]:
     """Finding for a voltage that current and speed do not explain, for an unknown reason."""
-    fits = [b.electrical for b in balances_of(signals)]
+    fits = [b.electrical for b in signals.balances]
     missed = min((f.missed for f in fits if f is not None), default=0.0)
     if missed >= _UNEXPLAINED and has_signal(signals.voltage):
         yield Finding(

@@ -23,7 +23,7 @@ from typing import Final
 
 import numpy as np
 
-from identification.checks.balance import balances_of, signals_of
+from identification.checks.balance import signals_of
 from identification.checks.finding import Finding, factor
 from identification.ingest.run import Run
 
@@ -115,7 +115,7 @@ class Estimate:
 
 def estimate_of(run: Run) -> Estimate | None:
     """Coefficients of a run; None if it is too short or its signals are constant."""
-    balances = balances_of(signals_of(run))
+    balances = signals_of(run).balances
     fits = [(e, m, b) for b in balances if (e := b.electrical) and (m := b.mechanical)]
     if not fits:
         return None

@@ -30,7 +30,6 @@ from identification.checks.balance import (
     NO_VOLTAGE,
     Balance,
     Signals,
-    balances_of,
     is_constant,
     mean_square,
     regress,
@@ -94,7 +93,7 @@ def copied_findings(run: Run, signals: Signals) -> Iterator[Finding]:
 
 def dead_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     """Findings for current or speed sensors that do not respond to the drive."""
-    balances = balances_of(signals)
+    balances = signals.balances
     if is_constant(signals.voltage):
         # Nothing to follow: a motor that runs steadily has no signal but noise.
         return
@@ -161,7 +160,7 @@ def _explained(balance: Balance, channel: str) -> float:
     return 1.0 if fit is None else 1.0 - fit.missed
 
 
-def _needed(balances: list[Balance], channel: str) -> float:
+def _needed(balances: Sequence[Balance], channel: str) -> float:
     """Fraction of the voltage that the other channel leaves unexplained."""
     left = []
     for b in balances:

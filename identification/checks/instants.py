@@ -38,7 +38,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.balance import CHANNELS, Signals, balances_of, is_constant
+from identification.checks.balance import CHANNELS, Signals, is_constant
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 from identification.linear import least_squares
@@ -69,7 +69,7 @@ def shifted_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     count = (signals.time.size - 1) // length
     if count < _FEWEST_WINDOWS or not signals.joined.all():
         return
-    fits = [b.electrical for b in balances_of(signals)]
+    fits = [b.electrical for b in signals.balances]
     before = min((fit.missed for fit in fits if fit is not None), default=0.0)
     if before < _MISSED:
         return

@@ -30,7 +30,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.balance import Regression, Signals, balances_of, predicted, signals_of
+from identification.checks.balance import Regression, Signals, predicted, signals_of
 from identification.checks.finding import Finding
 from identification.ingest.run import Run
 
@@ -153,7 +153,7 @@ def _balance(signals: Signals) -> tuple[float, float, float, float] | None:
     Each balance is taken over the windows that explain it best.  A joint makes J / K smaller, so
     that fewer joints are found and not more.
     """
-    balances = balances_of(signals)
+    balances = signals.balances
     electrical = _best([balance.electrical for balance in balances])
     mechanical = _best([balance.mechanical for balance in balances])
     if electrical is None or mechanical is None:

@@ -37,7 +37,6 @@ from identification.checks.balance import (
     Balance,
     Regression,
     Signals,
-    balances_of,
     reverses,
 )
 from identification.checks.coasting import without_pauses
@@ -110,7 +109,7 @@ class _Judged:
 
 def identity_findings(run: Run, signals: Signals) -> list[Finding]:
     """Finding for a wrong sign or a wrong column in a run, if there is one."""
-    as_logged = _judged(balances_of(signals))
+    as_logged = _judged(signals.balances)
     if as_logged is None:
         return []
     is_poor = not as_logged.holds and as_logged.mechanical > _MISSED
@@ -118,7 +117,7 @@ def identity_findings(run: Run, signals: Signals) -> list[Finding]:
         return [_suspicion(run, as_logged)]
     if as_logged.turned == 0.0 and not is_poor:
         return []
-    found = [(h, _judged(balances_of(_changed(signals, h)))) for h in _HYPOTHESES]
+    found = [(h, _judged(_changed(signals, h).balances)) for h in _HYPOTHESES]
     # With a driven shaft, or current and speed in proportion, not every sign holds.
     is_turned = as_logged.turned < 0.0
     possible = [
@@ -275,7 +274,7 @@ def _missed(signals: Signals, errors: float = 0.0) -> float:
 
     They may be below zero by a number of standard errors.
     """
-    fits = [f for b in balances_of(signals) if (f := b.electrical) is not None]
+    fits = [f for b in signals.balances if (f := b.electrical) is not None]
     least = [-errors * f.errors[:2] if errors else 0.0 for f in fits]
     shares = [f.missed for f, low in zip(fits, least, strict=True) if np.all(f.values[:2] > low)]
     return min(shares, default=1.0)
@@ -335,7 +334,7 @@ def _relative_to_speed(signals: Signals) -> Signals:
 
 def _coefficients(signals: Signals) -> tuple[float, float] | None:
     """R and K of the voltage balance over the longest windows, not below zero; None if unknown."""
-    balances = balances_of(signals)
+    balances = signals.balances
     fit = balances[-1].electrical if balances else None
     return None if fit is None else (max(float(fit.values[0]), 0.0), max(float(fit.values[1]), 0.0))
 

@@ -26,7 +26,6 @@ from identification.arrays import Array
 from identification.checks.balance import (
     Regression,
     Signals,
-    balances_of,
     regress,
     reverses,
     windows_of,
@@ -44,7 +43,7 @@ current of a supply and of a motor; both are those of a restored sign in `checks
 
 def supply_current_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     """Finding for a current that obeys the power balances and not those of a motor."""
-    as_motor = [balance.mechanical for balance in balances_of(signals)]
+    as_motor = [balance.mechanical for balance in signals.balances]
     before = min((fit.missed for fit in as_motor if fit is not None), default=0.0)
     if before < _MISSED:
         return
