@@ -92,13 +92,21 @@ def test_service_starts_on_a_full_disk(full: Server) -> None:
     environment = os.environ | {"MOTORID_PORT": "0"}
     words = [*full.process.args]  # type: ignore[misc]
     with subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True) as again:
-        assert again.stderr
-        address = again.stderr.readline().split()[1]
-        lines = iter(again.stderr.readline, "")
-        assert any("startup complete" in line for line in lines)
-        run = httpx.get(f"{address}/api/v1/runs").json()["items"][0]["id"]
-        fits = httpx.get(f"{address}/api/v1/fits").json()["items"]
-        for fit in fits:
-            assert httpx.delete(f"{address}/api/v1/fits/{fit['id']}").status_code == 204
-        assert httpx.delete(f"{address}/api/v1/runs/{run}").status_code == 204
-        again.terminate()
+        try:
+            assert again.stderr
+            address = again.stderr.readline().split()[1]
+            lines = iter(again.stderr.readline, "")
+            assert any("startup complete" in line for line in lines)
+            delete_all(f"{address}/api/v1")
+        finally:
+            again.terminate()
+
+
+def delete_all(address: str) -> None:
+    """Delete all fits and the newest run of a service, which may listen a moment later."""
+    transport = httpx.HTTPTransport(retries=5)
+    with httpx.Client(base_url=address, transport=transport) as client:
+        run = client.get("/runs").json()["items"][0]["id"]
+        for fit in client.get("/fits").json()["items"]:
+            assert client.delete(f"/fits/{fit['id']}").status_code == 204
+        assert client.delete(f"/runs/{run}").status_code == 204
