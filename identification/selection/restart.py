@@ -7,6 +7,7 @@ from collections.abc import Callable
 from identification.checks.plausible import longest_electrical
 from identification.fit.solve import Fit
 from identification.selection.evidence import EvaluatedModel, is_better
+from identification.selection.policy import SelectionPolicy
 from identification.selection.steps import State, backward, enrich, forward
 from identification.work import operations
 
@@ -28,7 +29,7 @@ def restart(state: State, has_structure: Callable[[State], bool]) -> None:
     if not state.current.fit.simulator.model.terms:
         return
     trials = state.trials
-    if _is_slow(state.current.fit):
+    if _is_slow(state.current.fit, trials.policy):
         began = operations()
         for lagged in _with_lag(state):
             _repeat(state, lagged)
@@ -38,10 +39,14 @@ def restart(state: State, has_structure: Callable[[State], bool]) -> None:
             _repeat(state, runner_up)
 
 
-def _is_slow(fit: Fit) -> bool:
-    """True if the electrical time constant is longer than that of any motor of this size."""
+def _is_slow(fit: Fit, policy: SelectionPolicy) -> bool:
+    """True if the electrical time constant is longer than that of any motor of this size.
+
+    An inductance that the runs do not determine may be shorter.
+    """
     values = fit.by_name
-    return values["L"] > values["Ra25"] * longest_electrical(values)
+    deviation = float(fit.deviations[fit.coordinates.names.index("L")])
+    return values["L"] - policy.bound_sd * deviation > values["Ra25"] * longest_electrical(values)
 
 
 def _repeat(state: State, start: EvaluatedModel) -> None:
@@ -57,10 +62,7 @@ def _repeat(state: State, start: EvaluatedModel) -> None:
 
 
 def _with_lag(state: State) -> list[EvaluatedModel]:
-    """The best model with a filter of the current in place of the effect that gains least, if any.
-
-    It is fitted even after the budget is spent.
-    """
+    """The best model with a filter of the current in place of the effect that gains least."""
     trials, current = state.trials, state.current
     terms = current.fit.simulator.model.terms
     if any(term.name == "current_filter" for term in terms):
