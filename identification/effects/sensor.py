@@ -23,12 +23,12 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["ChannelDelay", "CurrentFilter", "InputHold", "SpeedFilter"]
+__all__ = ["INDUCTANCES", "ChannelDelay", "CurrentFilter", "InputHold", "SpeedFilter"]
 
 _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
 
 
-_INDUCTANCES = (0.5, 0.2, 0.05)
+INDUCTANCES = (0.5, 0.2, 0.05)
 """Fractions of a fitted inductance that may remain once filters take up the lag, so that the sum of
 the lags of each channel is unchanged."""
 
@@ -111,11 +111,11 @@ class _Filter(AbstractEffect, AbstractSensor):
         other = f"{'speed' if cls.channel == 'current' else 'current'}_filter.time_constant"
         time = scales.effects.get(other)
         if time is None:
-            left = _INDUCTANCES if cls.channel == "current" else ()
+            left = INDUCTANCES if cls.channel == "current" else ()
             return tuple((np.array([(1.0 - x) * lag, *second]), {"L": x}) for x in left)
         return tuple(
             (np.array([(1.0 - x) * lag, *second]), {"L": x, other: 1.0 + (1.0 - x) * lag / time})
-            for x in _INDUCTANCES
+            for x in INDUCTANCES
         )
 
 

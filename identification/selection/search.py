@@ -1,6 +1,7 @@
 """Forward selection of effects with backward elimination and exchange.
 
-     1  M <- nominal model, or a given model with extended variants as in 7
+     1  M <- nominal model (with filters of both sensors if no motor has its
+            L), or a given model with extended variants as in 7       lagged.started
      2  repeat while the budget of the catalogue lasts, at most `rounds` times;
             a round that accepts an effect is not charged to the budget
      3      predict the gain of every candidate given M (Rao score)       Trials.scores
@@ -14,18 +15,15 @@
     10      unless a candidate predicts more than the last effect did:
     11          remove effects that no longer meet the criteria           steps.backward
     12          replace effects by types that rank better                 steps.exchange
-    13  if exhausted and the residual has structure, or L is implausible:
-            repeat 2 to 7 from other models, keep the best                restart.restart
+    13  if exhausted and the residual has structure: repeat 2 to 7 from
+            the runner-up models of round 1, keep the better model        _restart
     14  M <- C if it ranks and predicts better; otherwise, if exhausted,
             M <- M with a curve that meets the criteria, then 11 and 12   _add_curve
     15  replace effects by types that rank better in evaluated models     _effects_of
 
-An effect is accepted in `steps.accept` and nowhere else; the criteria are in `evidence.py`, their
-limits in `policy.py`.
+The acceptance criteria are in `evidence.py`, their limits in `policy.py`.
 
-Exchange removes surrogates: an effect that was added first because it absorbed part of two true
-effects is replaced once these are in the model.  A curve belongs to no effect type.  Effect types
-that fit equally well are reported as alternatives with their posterior probabilities.
+Exchange removes surrogates: an effect that absorbed part of two others gives way to them.
 """
 
 from __future__ import annotations
@@ -44,10 +42,10 @@ from identification.selection.evidence import (
     replaces,
     scores_of,
 )
+from identification.selection.lagged import started
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import with_known_amplitudes
-from identification.selection.restart import restart
 from identification.selection.score import Score
 from identification.selection.steps import (
     State,
@@ -91,10 +89,12 @@ def search(
     report = progress or (lambda fraction: None)
     budget = budget or Budget()
     listed = Budget(policy.catalogue_budget * budget.left)
-    longest = policy.refit_budget * budget.left
-    trials = Trials(campaign, budget, longest, withheld=withheld, policy=policy)
+    trials = Trials(
+        campaign, budget, policy.refit_budget * budget.left, withheld=withheld, policy=policy
+    )
     nominal = trials.evaluate(declared)
-    state = State(trials, nominal, nominal if begin is None else trials.evaluate(begin))
+    first = started(trials, nominal) if begin is None else trials.evaluate(begin)
+    state = State(trials, nominal, first)
     is_exhausted = is_cut_short = is_postponed = False
     if begin is not None:
         enrich(state)
@@ -118,7 +118,7 @@ def search(
         exchange(state)
     report(policy.rounds / (policy.rounds + 2))
     if is_exhausted and not listed.spent:
-        restart(state, _has_structure)
+        _restart(state)
     is_cut_short |= _is_overrun(trials)
     _add_curve(state, is_exhausted=is_exhausted)
     report((policy.rounds + 1) / (policy.rounds + 2))
@@ -171,6 +171,29 @@ def _refunded(began: float, *budgets: Budget) -> float:
     for budget in budgets:
         budget.extend(now - began)
     return now
+
+
+def _restart(state: State) -> None:
+    """Repeat the selection from runner-up models of round 1 if the residual still has structure.
+
+    A flexible effect can absorb a second one.  Example: a Stribeck friction that is selected first
+    also fits a dry friction, which then has no predicted gain.  If the dry friction is selected
+    first, the Stribeck friction still has a predicted gain.
+    """
+    trials = state.trials
+    if not state.current.fit.simulator.model.terms or not _has_structure(state):
+        return
+    for runner_up in trials.runners_up()[: trials.policy.runners]:
+        if trials.budget.spent:
+            return
+        other = State(trials, state.nominal, runner_up, state.searched)
+        for _ in range(trials.policy.rounds - 1):
+            if not forward(other):
+                break
+            enrich(other)
+        if other.current is not runner_up and is_better(other.current, state.current):
+            state.current = other.current
+            backward(state)
 
 
 def _has_structure(state: State) -> bool:

@@ -16,9 +16,8 @@ from identification.model.excitation import records_of
 from identification.model.term import AbstractTerm
 from identification.selection import refit
 from identification.selection.candidates import scales_of
-from identification.selection.restart import restart
+from identification.selection.lagged import started
 from identification.selection.start import Start
-from identification.selection.steps import State
 from identification.selection.trials import Trials
 
 R, K, L, J, B, FILTER, STEP, ROWS = 4.2, 0.018, 3e-3, 2.5e-6, 8e-6, 10e-3, 1e-3, 1500
@@ -85,20 +84,24 @@ def test_filters_of_both_sensors_leave_the_inductance_of_the_motor() -> None:
     assert found["speed_filter.time_constant"] == pytest.approx(SPEED_FILTER, rel=0.05)
 
 
-def test_a_compliance_of_the_shaft_gives_way_to_the_lags_of_both_sensors() -> None:
-    """Beside an inductance of no motor of this size, the search tries a filter in its place."""
+def test_the_selection_starts_with_both_filters_if_no_motor_has_the_inductance() -> None:
+    """A filter of the current alone gains little, and an elastic shaft more than it."""
     runs = [filtered_run(SPEED_FILTER, seed) for seed in (5, 6)]
     campaign = campaign_of(runs[:1], runs[1:])
     trials = Trials(campaign)
     nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
-    shafts = [s for s in trials.scores(nominal) if s.candidate.term.name == "shaft_compliance"]
-    [(_, fit), *_] = trials.refits(nominal, shafts)
-    state = State(trials, nominal, trials.evaluate(trials.finished(fit)))
-    absorbed = state.current.fit.by_name["L"]
 
-    restart(state, lambda state: False)
+    found = started(trials, nominal).fit
 
-    found = state.current.fit
-    assert absorbed > 5.0 * L
+    assert nominal.fit.by_name["L"] > 5.0 * L
     assert {term.name for term in found.simulator.model.terms} == {"current_filter", "speed_filter"}
     assert found.by_name["L"] == pytest.approx(L, rel=0.3)
+
+
+def test_the_selection_starts_at_the_nominal_model_if_the_user_excludes_a_filter() -> None:
+    """A withheld effect is in no model."""
+    campaign = campaign_of([filtered_run(SPEED_FILTER)], [])
+    trials = Trials(campaign, withheld=["speed_filter"])
+    nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
+
+    assert started(trials, nominal) is nominal

@@ -1,0 +1,62 @@
+"""Start of the selection with filters of both sensors, if no motor has the nominal inductance.
+
+The nominal fit attributes the lag of a current filter to L.  A large L lags the speed as well, so
+that a filter of the speed hides in it too, and J, b and the friction are biased until both filters
+are in the model.  Each filter alone gains little or nothing, and an elastic shaft gains more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.checks.plausible import longest_electrical
+from identification.effects.sensor import INDUCTANCES, CurrentFilter, SpeedFilter
+from identification.fit.solve import Fit, TerminationLimits
+from identification.selection.candidates import scales_of
+from identification.selection.evidence import EvaluatedModel
+from identification.selection.policy import SelectionPolicy
+from identification.selection.refit import refitted_with
+from identification.selection.start import Along, Start
+from identification.selection.trials import Trials
+
+__all__ = ["started"]
+
+
+def started(trials: Trials, nominal: EvaluatedModel) -> EvaluatedModel:
+    """The nominal model with filters of both sensors, if it is accepted and L is that of a motor.
+
+    The nominal model itself if not, if its inductance is plausible, or if a filter is withheld.
+    """
+    fit, policy = nominal.fit, trials.policy
+    is_withheld = {CurrentFilter.name, SpeedFilter.name} & set(trials.withheld)
+    if is_withheld or not _is_slow(fit, policy):
+        return nominal
+    fits = [_fitted(fit, left, trials.limits()) for left in INDUCTANCES]
+    best = min(fits, key=lambda one: one.cost)
+    if not np.isfinite(best.cost):
+        return nominal
+    model = trials.evaluate(trials.finished(best))
+    is_accepted = trials.criteria(model, nominal).passed and not _is_slow(model.fit, policy)
+    return model if is_accepted else nominal
+
+
+def _is_slow(fit: Fit, policy: SelectionPolicy) -> bool:
+    """True if the electrical time constant is longer than that of any motor of this size.
+
+    An inductance that the runs do not determine may be shorter.
+    """
+    values = fit.by_name
+    deviation = float(fit.deviations[fit.coordinates.names.index("L")])
+    return values["L"] - policy.bound_sd * deviation > values["Ra25"] * longest_electrical(values)
+
+
+def _fitted(fit: Fit, left: float, limits: TerminationLimits) -> Fit:
+    """Fit with both filters, from a start at which a fraction of the inductance is left [-]."""
+    values = fit.by_name
+    start = np.array([(1.0 - left) * values["L"] / values["Ra25"]])
+    after = np.array([values[name] * (left if name == "L" else 1.0) for name in values])
+    scales = scales_of(fit)
+    of_current, of_speed = (law.candidates(scales)[0].final for law in (CurrentFilter, SpeedFilter))
+    returned = Start(start, along=Along.to(fit, after))
+    there = refitted_with(fit, of_current, [returned], TerminationLimits(0))
+    return refitted_with(there, of_speed, [Start(start)], limits)
