@@ -78,13 +78,12 @@ def search(
     is_part: bool = False,
     policy: SelectionPolicy = DEFAULT,
 ) -> Outcome:
-    """Select the effects that the nominal model lacks, from its fit or that of another model.
+    """Select the effects that the nominal model, or the model of `begin`, lacks.
 
     `progress` is called with the completed fraction [-].  Once the operation budget is spent, no
-    new step starts; rounds that accept an effect are not charged to it: it is extended by their
-    operations.  The selection starts from the model of `begin`, by default the nominal one.  The
-    withheld effect types are not candidates.  If the records are a part of the campaign, the model
-    is refined later.
+    new step starts; rounds that accept an effect extend it by their operations.  The withheld
+    effect types are not candidates.  If the records are a part of the campaign, the model is
+    refined later.
     """
     report = progress or (lambda fraction: None)
     budget = budget or Budget()
