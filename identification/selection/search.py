@@ -81,9 +81,8 @@ def search(
     """Select the effects that the nominal model, or the model of `begin`, lacks.
 
     `progress` is called with the completed fraction [-].  Once the operation budget is spent, no
-    new step starts; rounds that accept an effect extend it by their operations.  The withheld
-    effect types are not candidates.  If the records are a part of the campaign, the model is
-    refined later.
+    new step starts; a round that accepts an effect extends it.  The withheld effect types are not
+    candidates.  If the records are a part of the campaign, the model is refined later.
     """
     report = progress or (lambda fraction: None)
     budget = budget or Budget()
