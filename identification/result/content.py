@@ -63,8 +63,9 @@ __all__ = ["assemble", "doubtful_parameters"]
 _CORRELATION_DIGITS = 6
 _DOUBTFUL = {"resistance_coefficient": ("Ra25", "alpha_Ra", "L")}
 """Parameters that an implausible value makes doubtful, however well the runs determine it."""
-_DOUBTFUL_IF_INCOMPLETE = {"electrical_time_constant": ("L",)}
-"""The same, if the residual also misses terms: L may hold the lag of a sensor."""
+_DOUBTFUL_IF_INCOMPLETE = {"electrical_time_constant": ("L", "Ra25", "J", "b")}
+"""The same, if the residual also misses terms: L may hold the lag of a sensor, and the others make
+up for what a large L does to the speed."""
 _MOST_NAMED = 12
 """Largest number of runs that a warning on temperatures names."""
 

@@ -20,7 +20,7 @@ MISSED = OmittedTerm("current_filter", gain=150.0, chance=10.0, steps={"L": -1.0
     ("omitted", "doubtful"),
     [
         ([], set()),
-        ([MISSED], {"L"}),
+        ([MISSED], {"L", "Ra25", "J", "b"}),
         ([replace(MISSED, parameter="L")], set()),
         ([replace(MISSED, surrogate=0.0)], set()),
         ([replace(MISSED, name="current_gain", gain=None, chance=None)], set()),
