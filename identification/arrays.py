@@ -1,4 +1,7 @@
-"""Types of the numerical arrays; docstrings give the axes and the unit of each.  Indices."""
+"""Types of the numerical arrays, and indices of marked and of evenly spaced values.
+
+Docstrings give the axes and the unit of each array.
+"""
 
 from __future__ import annotations
 

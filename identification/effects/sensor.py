@@ -23,12 +23,12 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["INDUCTANCES", "ChannelDelay", "CurrentFilter", "InputHold", "SpeedFilter"]
+__all__ = ["ChannelDelay", "CurrentFilter", "InputHold", "SpeedFilter"]
 
 _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
 
 
-INDUCTANCES = (0.5, 0.2, 0.05)
+_INDUCTANCES = (0.5, 0.2, 0.05)
 """Fractions of a fitted inductance that may remain once filters take up the lag, so that the sum of
 the lags of each channel is unchanged."""
 
@@ -110,13 +110,14 @@ class _Filter(AbstractEffect, AbstractSensor):
         lag = scales.nominal("L") / scales.nominal("Ra25")
         other = f"{'speed' if cls.channel == 'current' else 'current'}_filter.time_constant"
         time = scales.effects.get(other)
-        if time is None:
-            left = INDUCTANCES if cls.channel == "current" else ()
-            return tuple((np.array([(1.0 - x) * lag, *second]), {"L": x}) for x in left)
-        return tuple(
-            (np.array([(1.0 - x) * lag, *second]), {"L": x, other: 1.0 + (1.0 - x) * lag / time})
-            for x in INDUCTANCES
-        )
+        if time is None and cls.channel == "speed":
+            return ()
+        found = []
+        for left in _INDUCTANCES:
+            returned = (1.0 - left) * lag
+            factors = {"L": left} | ({} if time is None else {other: 1.0 + returned / time})
+            found.append((np.array([returned, *second]), factors))
+        return tuple(found)
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from identification.checks.plausible import longest_electrical
-from identification.effects.sensor import INDUCTANCES, CurrentFilter, SpeedFilter
+from identification.effects.sensor import CurrentFilter, SpeedFilter
 from identification.fit.solve import Fit, TerminationLimits
 from identification.selection.candidates import scales_of
 from identification.selection.evidence import EvaluatedModel
 from identification.selection.policy import SelectionPolicy
 from identification.selection.refit import refitted_with
-from identification.selection.start import Along, Start
+from identification.selection.start import Start, traded
 from identification.selection.trials import Trials
 
 __all__ = ["started"]
@@ -31,7 +31,13 @@ def started(trials: Trials, nominal: EvaluatedModel) -> EvaluatedModel:
     is_withheld = {CurrentFilter.name, SpeedFilter.name} & set(trials.withheld)
     if is_withheld or not _is_slow(fit, policy):
         return nominal
-    fits = [_fitted(fit, left, trials.limits()) for left in INDUCTANCES]
+    scales = scales_of(fit)
+    of_current, of_speed = (law.candidates(scales)[0] for law in (CurrentFilter, SpeedFilter))
+    fits = []
+    for start in traded(fit, of_current):
+        # The inductance lags both channels, so that both filters take the same lag.
+        slow = refitted_with(fit, of_current.final, [start], TerminationLimits(0))
+        fits.append(refitted_with(slow, of_speed.final, [Start(start.values)], trials.limits()))
     best = min(fits, key=lambda one: one.cost)
     if not np.isfinite(best.cost):
         return nominal
@@ -48,15 +54,3 @@ def _is_slow(fit: Fit, policy: SelectionPolicy) -> bool:
     values = fit.by_name
     deviation = float(fit.deviations[fit.coordinates.names.index("L")])
     return values["L"] - policy.bound_sd * deviation > values["Ra25"] * longest_electrical(values)
-
-
-def _fitted(fit: Fit, left: float, limits: TerminationLimits) -> Fit:
-    """Fit with both filters, from a start at which a fraction of the inductance is left [-]."""
-    values = fit.by_name
-    start = np.array([(1.0 - left) * values["L"] / values["Ra25"]])
-    after = np.array([values[name] * (left if name == "L" else 1.0) for name in values])
-    scales = scales_of(fit)
-    of_current, of_speed = (law.candidates(scales)[0].final for law in (CurrentFilter, SpeedFilter))
-    returned = Start(start, along=Along.to(fit, after))
-    there = refitted_with(fit, of_current, [returned], TerminationLimits(0))
-    return refitted_with(there, of_speed, [Start(start)], limits)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identification.effects.sensor import CurrentFilter, SpeedFilter
-from identification.fit.campaign import campaign_of
+from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits
 from identification.ingest import Run
@@ -84,10 +84,17 @@ def test_filters_of_both_sensors_leave_the_inductance_of_the_motor() -> None:
     assert found["speed_filter.time_constant"] == pytest.approx(SPEED_FILTER, rel=0.05)
 
 
-def test_the_selection_starts_with_both_filters_if_no_motor_has_the_inductance() -> None:
-    """A filter of the current alone gains little, and an elastic shaft more than it."""
+@pytest.fixture(scope="module")
+def campaign() -> Campaign:
+    """Two runs of a bench with filters of both sensors, one for validation."""
     runs = [filtered_run(SPEED_FILTER, seed) for seed in (5, 6)]
-    campaign = campaign_of(runs[:1], runs[1:])
+    return campaign_of(runs[:1], runs[1:])
+
+
+def test_the_selection_starts_with_both_filters_if_no_motor_has_the_inductance(
+    campaign: Campaign,
+) -> None:
+    """A filter of the current alone gains little, and an elastic shaft more than it."""
     trials = Trials(campaign)
     nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
 
@@ -98,9 +105,10 @@ def test_the_selection_starts_with_both_filters_if_no_motor_has_the_inductance()
     assert found.by_name["L"] == pytest.approx(L, rel=0.3)
 
 
-def test_the_selection_starts_at_the_nominal_model_if_the_user_excludes_a_filter() -> None:
-    """A withheld effect is in no model."""
-    campaign = campaign_of([filtered_run(SPEED_FILTER)], [])
+def test_the_selection_starts_at_the_nominal_model_if_a_filter_is_withheld(
+    campaign: Campaign,
+) -> None:
+    """The same runs start with both filters if none is."""
     trials = Trials(campaign, withheld=["speed_filter"])
     nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
 
