@@ -122,7 +122,7 @@ def _tracked(
     cost = np.inf
     for _ in range(_TRACKED):
         found, begun = tracked(simulator, values, states, deviation)
-        begun = fitted_initial_states(found, values, deviation, start=begun)
+        begun = fitted_initial_states(found, values, deviation, whole=True, start=begun)
         before, cost = cost, _cost(found, values, begun, deviation)
         if not cost < before:
             break

@@ -52,12 +52,13 @@ def fitted_initial_states(
     The values are (n_parameter,) physical, the noise of current and speed is (2,) [A, rad/s].
     Whole records are fitted if `whole`, as for a phase that the head does not determine.  Except
     for a temperature, the fitted part then grows in steps, since an initial phase error prevents
-    convergence over a whole record.  A close start is improved on whole records at once.
+    convergence over a whole record.  A close start is improved on the last part at once.
     """
+    shares = _shares(simulator.model, whole)
     if start is not None:
-        return _fitted_to_heads(simulator, values, deviation, 1.0, start)
+        return _fitted_to_heads(simulator, values, deviation, shares[-1], start)
     states = tuple(initial_states(simulator.model, record) for record in simulator.records)
-    for share in _shares(simulator.model, whole):
+    for share in shares:
         states = _fitted_to_heads(simulator, values, deviation, share, states)
     return states
 
@@ -79,7 +80,10 @@ def _fitted_to_heads(
         record.segment(0, max(_LEAST_HEAD, int(share * record.rows)))
         for record in simulator.records
     )
-    short = Simulator(simulator.model, heads, simulator.plan)
+    substeps = simulator.substeps and tuple(
+        each.of(slice(0, head.rows)) for each, head in zip(simulator.substeps, heads, strict=True)
+    )
+    short = Simulator(simulator.model, heads, simulator.plan, substeps)
     weighting = replace(Weighting.white(heads), deviation=deviation)
     priors = [state_prior(short, k) for k in range(len(heads))]
     nothing = np.zeros((values.size, 0))

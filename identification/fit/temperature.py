@@ -32,7 +32,10 @@ _LANES: Final = 16
 _ROUNDS: Final = 5
 """Grid refinements; each shrinks the range to 2/15, the last to about a hundredth of a kelvin."""
 _AGAIN: Final = 3
-"""Rounds in which temperature, warming and initial state are fitted in turn, the others held."""
+"""Rounds at most in which temperature, warming and initial state are fitted in turn, the others
+held."""
+_FINEST: Final = 2.0 * _WIDEST * (2.0 / (_LANES - 1)) ** _ROUNDS
+"""Spacing of the last grid [prior standard deviations]; a round that moves less is the last."""
 
 
 def unlogged_of(records: Sequence[Record]) -> Unlogged:
@@ -86,12 +89,16 @@ def _temperature(
     tried = np.repeat([[known[p.name]] for p in free.parameters], _LANES, axis=1)
     records = tuple(records)
     weighting = replace(Weighting.white(records), deviation=deviation)
+    scale = np.array([own.scale for own in unlogged])
+    substeps, states = None, None
     for _ in range(_AGAIN):
-        here = tuple(_at(record, tried[at, 0]) for record in records)
-        start = Simulator.fitting(model, here, values)
-        states = fitted_initial_states(start, values, deviation, whole=whole)
-        simulator = Simulator.fitting(free, records, tried[:, 0])
+        before = tried[at, 0]
+        here = tuple(_at(record, before) for record in records)
+        start = Simulator.fitting(model, here, values, substeps)
+        states = fitted_initial_states(start, values, deviation, whole=whole, start=states)
+        simulator = Simulator.fitting(free, records, tried[:, 0], substeps)
         simulator = simulator.roughly_accurate(tried[:, 0], states, deviation)
+        substeps = simulator.substeps
         for row, own in reversed(list(zip(at, unlogged, strict=True))):
             half = _WIDEST * own.scale
             for _ in range(_ROUNDS):
@@ -102,9 +109,13 @@ def _temperature(
                 with np.errstate(over="ignore", invalid="ignore"):
                     cost = 0.5 * np.sum(sums / deviation[:, None] ** 2, axis=0)
                     cost += 0.5 * ((tried[row] - own.prior_mean) / own.scale) ** 2
-                cost = np.where(np.isfinite(cost), cost, np.inf)
-                tried[row] = tried[row, np.argmin(cost)]
+                if not np.isfinite(cost).any():
+                    tried[row] = middle
+                    break
+                tried[row] = tried[row, np.nanargmin(cost)]
                 half *= 2.0 / (_LANES - 1)
+        if np.all(np.abs(tried[at, 0] - before) < _FINEST * scale):
+            break
     return np.asarray(tried[at, 0])
 
 

@@ -42,13 +42,13 @@ from identification.work import charge, charge_once
 
 __all__ = ["LANES", "Effort", "Scan", "scan_of"]
 
-Effort = Literal["once", "some", "most"]
+Effort = Literal["once", "few", "some", "most"]
 
-_COMPILED: Final = {"once": 2.5e5, "some": 5e5, "most": 1e6}
+_COMPILED: Final = {"once": 2.5e5, "few": 2.5e5, "some": 5e5, "most": 1e6}
 """Operations that are charged for the compilation of one instruction, by effort."""
 
 _SHORT: Final = 1_000
-"""Rows up to which a loop that runs a few times is interpreted, and others are not optimised.
+"""Rows up to which a loop that runs once is interpreted, and others are not optimised.
 
 Unoptimised code is generated in 7 instead of 21 microseconds per instruction, and takes up to 0.6
 instead of 0.3 ns per instruction and block of lanes.  A fit runs a loop over some forty blocks."""
@@ -84,8 +84,8 @@ class Scan:
             (n_parameter,) and outputs carry (n_carry,), output (n_output,).
         prepare: Optional SX function (nothing, input, parameter) -> (nothing, prepared) of slowly
             varying quantities; see `loop.lower`.
-        effort: ``once`` for a loop that runs a few times, ``some`` for one that runs in a fit,
-            ``most`` for one that a sampler runs thousands of times.
+        effort: ``once`` for a loop that runs once, ``few`` for one that runs a few times, ``some``
+            for one that runs in a fit, ``most`` for one that a sampler runs thousands of times.
         key: Key of the machine code in the cache on disk; None for no caching.
     """
 
@@ -116,10 +116,9 @@ class Scan:
 
     def _form(self, rows: int) -> Level | None:
         """Form of the loop for a pass over `rows` rows: a level of code, or None if interpreted."""
-        is_once = self._effort == "once"
-        if is_once and rows <= _SHORT and self._source[1] is None:
+        if self._effort == "once" and rows <= _SHORT and self._source[1] is None:
             return None
-        return 0 if rows <= (_LONG if is_once else _SHORT) else 2
+        return 0 if rows <= (_LONG if self._effort in ("once", "few") else _SHORT) else 2
 
     def _kernel(self, form: Level | None, lanes: int) -> Loaded | Interpreted:
         """Loop over a block of so many lanes, prepared at the first call."""

@@ -133,7 +133,7 @@ def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
     first, second = (ca.vertcat(*[part[name] for name in INPUTS]) for part in parts)
     end = step(step(x, first, p), second, p)
     return scan_of(
-        ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="once"
+        ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="few"
     )
 
 

@@ -57,7 +57,7 @@ class ValidationErrors:
     """Simulation errors of a model on the validation runs."""
 
     square: Array
-    """(2,) mean square error [A^2, rad^2/s^2]."""
+    """(2,) mean square error, infinite if the simulation diverges [A^2, rad^2/s^2]."""
     count: Array
     """(2,) number of samples."""
     scatter: Array
@@ -203,9 +203,10 @@ class EvaluatedModel:
 
 
 def _log_ratio(square: Array, other: Array) -> Array:
-    """Logarithm of the ratio of two RMS errors, from the mean squares of each channel."""
+    """Logarithm of the ratio of two RMS errors, from the mean squares; 0 if both are infinite."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(0.5 * np.log(square / other))
+        ratio = 0.5 * np.log(square / other)
+    return np.where(np.isinf(square) & np.isinf(other), 0.0, ratio)
 
 
 def _lasting(fit: Fit) -> int:
@@ -252,7 +253,7 @@ def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
         fourth += np.sum(s.record.weight * s.residual**4, axis=0)
         count += s.record.weight.sum(axis=0)
     many = np.maximum(count, 1.0)
-    square = total / many
+    square = np.nan_to_num(total / many, nan=np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         uneven = np.maximum(np.nan_to_num(fourth / many / square**2 - 1.0), 0.0)
     scatter = 0.5 * np.sqrt(uneven / (many * fraction))

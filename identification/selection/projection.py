@@ -20,12 +20,12 @@ import numpy as np
 from identification.arrays import Array
 from identification.fit.derivatives import gradient_of
 from identification.fit.solve import Fit
-from identification.linear import least_squares, solution
+from identification.linear import eigh, least_squares, solution
 from identification.model.excitation import Record
 from identification.selection.start import Along
 from identification.work import TOUCH, charge
 
-__all__ = ["Projection", "Residual", "gain_of"]
+__all__ = ["Projection", "Residual", "gains_of"]
 
 _PASSES: Final = 6.0
 """Memory passes of a product over each deviation, for the operation count."""
@@ -54,8 +54,9 @@ class Projection:
         return Projection(self.onto_residual[lanes], own, self.along.of(lanes))
 
     def gain(self) -> tuple[float, Array]:
-        """Gain of all lanes together and their optimal amplitudes; see `gain_of`."""
-        return gain_of(self.products, self.onto_residual)
+        """Gain of all lanes together and their optimal amplitudes; see `gains_of`."""
+        gains, weights = gains_of(self.products[None], self.onto_residual[None])
+        return float(gains[0]), weights[0]
 
     def conditional_gains(self, chosen: Sequence[int]) -> Array:
         """(n_lane,) gain of each lane, at its amplitude given the sum of the `chosen` lanes.
@@ -80,19 +81,26 @@ class Projection:
         return np.asarray(np.linalg.pinv(self.products, rcond=_COLLINEAR, hermitian=True))
 
 
-def gain_of(square: Array, right: Array) -> tuple[float, Array]:
-    """Gain of the log likelihood at the optimal amplitudes, and these amplitudes; NaN if undefined.
+def gains_of(squares: Array, rights: Array) -> tuple[Array, Array]:
+    """Gains of the log likelihood at the optimal amplitudes, (n,), and these amplitudes, (n, m).
 
-    The normal matrix is (n, n), the right-hand side (n,).
+    The normal matrices are (n, m, m), the right-hand sides (n, m).  An undefined gain is NaN; its
+    amplitudes are the right-hand side.
     """
-    if not (np.isfinite(square).all() and np.isfinite(right).all()):
-        return np.nan, right
-    size = np.sqrt(np.maximum(np.diag(square), 0.0))
-    if not (size > 0).all():
-        return np.nan, right
-    scaled = square / np.outer(size, size)
-    weights = least_squares(scaled, right / size, _COLLINEAR) / size
-    return 0.5 * float(weights @ right), weights
+    size = np.sqrt(np.maximum(np.diagonal(squares, axis1=1, axis2=2), 0.0))
+    is_defined = np.isfinite(squares).all(axis=(1, 2)) & np.isfinite(rights).all(axis=1)
+    is_defined &= (size > 0).all(axis=1)
+    size[~is_defined] = 1.0
+    scaled = squares / (size[:, :, None] * size[:, None, :])
+    scaled[~is_defined] = np.eye(rights.shape[1])
+    values, vectors = eigh(scaled)
+    inverse = np.zeros_like(values)
+    np.divide(1.0, values, out=inverse, where=values > _COLLINEAR * values[:, -1:])
+    along = inverse * np.einsum("nij,ni->nj", vectors, rights / size)
+    weights = np.einsum("nij,nj->ni", vectors, along) / size
+    weights[~is_defined] = rights[~is_defined]
+    gains = np.where(is_defined, 0.5 * np.einsum("ni,ni->n", weights, rights), np.nan)
+    return gains, weights
 
 
 @dataclass(frozen=True)

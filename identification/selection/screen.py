@@ -26,7 +26,7 @@ from identification.model.scan import Effort
 from identification.model.simulate import initial_states
 from identification.selection.forcing import responses, trajectory
 from identification.selection.policy import DEFAULT, SelectionPolicy
-from identification.selection.projection import Projection, Residual, gain_of
+from identification.selection.projection import Projection, Residual, gains_of
 from identification.selection.score import Score, recurring, sized
 
 __all__ = ["screened"]
@@ -250,11 +250,11 @@ def _scores_in_blocks(
             edges = block_edges(record, order, float(deviation[1]))
             scaled = part[:, :, span] / deviation[:, None]
             blocks = block_products(scaled, series / deviation, record.weight, edges)
-            found = [gain_of(a, b) for a, b in zip(*blocks, strict=True)]
-            penalty = 0.5 * group * (len(found) - 1) * np.log(record.rows / len(found))
-            total += float(np.nansum([gain for gain, _ in found])) - penalty
+            gains, weights = gains_of(*blocks)
+            penalty = 0.5 * group * (gains.size - 1) * np.log(record.rows / gains.size)
+            total += float(np.nansum(gains)) - penalty
             best = int(np.argmax(np.trace(blocks[0], axis1=1, axis2=2)))
-            own.append(candidate.starts[count:, span] @ found[best][1])
+            own.append(candidate.starts[count:, span] @ weights[best])
         if np.isfinite(total) and all(np.isfinite(each).all() for each in own):
             start = candidate.starts[:count, first].copy()
             scores.append(Score(candidate, start, total, None, tuple(own)))
@@ -277,9 +277,9 @@ def _scores_by_record(
             square = np.column_stack(
                 [gradient_of(part[:, :, j], part, weighting, k) for j in range(group)]
             )
-            gain, weights = gain_of(square, right)
-            total += gain
-            own.append(candidate.starts[count:, span] @ weights)
+            gains, weights = gains_of(square[None], right[None])
+            total += float(gains[0])
+            own.append(candidate.starts[count:, span] @ weights[0])
         if np.isfinite(total):
             start = candidate.starts[:count, first].copy()
             scores.append(Score(candidate, start, total, None, tuple(own)))

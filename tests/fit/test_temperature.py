@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 from identification import FitOptions, Identification, identify
+from identification.fit.temperature import with_own_temperatures
 from identification.ingest.run import Run
+from identification.model.composite import MotorModel
+from identification.model.excitation import records_of
 from identification.prediction import predict
 from tests.motors import NAMES, drive, motor_named, run_of
 
@@ -153,3 +156,15 @@ def test_a_winding_hotter_than_its_insulation_permits_is_implausible() -> None:
     assert any(text.startswith("implausible winding temperature in run3.csv") for text in warnings)
     (told,) = [text for text in warnings if "was not logged" in text]
     assert float(told.split("run3.csv (")[1].split(" degC")[0]) <= 155.0
+
+
+def test_a_run_whose_simulation_diverges_at_every_temperature_keeps_the_expected_one() -> None:
+    """With a negative moment of inertia no temperature is better than another."""
+    records = records_of([at(60.0, 3, is_logged=False)])
+    values = np.array(SERVO.values)
+    values[NAMES.index("J")] *= -0.01
+
+    (record,) = with_own_temperatures(MotorModel(), values, records, NOISE)
+
+    assert np.ptp(record.column("temperature")) == 0.0
+    assert record.column("temperature")[0] == 25.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +12,16 @@ from bench import make_campaign
 from identification.effects.load import LoadStep
 from identification.effects.thermal import SelfHeating
 from identification.fit.declared import fit_declared
+from identification.fit.evaluate import Simulated, simulate_unseen
 from identification.fit.solve import Fit, TerminationLimits, solve
-from identification.model.excitation import records_of
-from identification.selection import trials
+from identification.model.excitation import Record, records_of
+from identification.selection import evidence, trials
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.evidence import (
     UNCOMPUTED,
     EvaluatedModel,
     ValidationErrors,
+    evaluated,
     probabilities,
     scores_of,
 )
@@ -102,6 +105,31 @@ def test_a_term_that_stabilises_the_model_is_kept() -> None:
     assert scores_of([mended, alone])[0] < scores_of([mended, alone])[1]
     coloured = replace(mended, fraction=0.2)
     assert scores_of([coloured, alone])[0] == scores_of([coloured])[0]
+
+
+def test_a_term_without_which_a_validation_run_diverges_is_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An infinite validation error confirms a term, and refuses one that causes it."""
+    hidden = make_campaign("servo_150w", ["coulomb_friction"], seed=5, rows=800, training=2)
+    runs = records_of_bench(hidden)
+    work = Trials(runs)
+    declared = work.evaluate(fit_declared(runs.training, "zoh"))
+    scores = [s for s in work.scores(declared) if s.candidate.term.name == "coulomb_friction"]
+    current = work.evaluate(work.refits(declared, scores)[0][1])
+    simulate = simulate_unseen
+
+    def diverging(fit: Fit, records: Sequence[Record], *, whole: bool) -> list[Simulated]:
+        found = simulate(fit, records, whole=whole)
+        return [replace(each, logged=np.full_like(each.logged, np.nan)) for each in found]
+
+    monkeypatch.setattr(evidence, "simulate_unseen", diverging)
+    lost, worse = (evaluated(m.fit, runs, m.fraction) for m in (declared, current))
+
+    assert current.criteria(declared, tried=10).passed
+    assert current.criteria(lost, tried=10).passed
+    assert not worse.criteria(declared, tried=10).passed
+    assert scores_of([current, lost])[1] == np.inf
 
 
 def test_a_fit_from_a_diverging_start_does_not_converge() -> None:
