@@ -132,9 +132,7 @@ def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
     parts = [_part(ca.vertsplit(u), model.held, begin, 0.5) for begin in (0.0, 0.5)]
     first, second = (ca.vertcat(*[part[name] for name in INPUTS]) for part in parts)
     end = step(step(x, first, p), second, p)
-    return scan_of(
-        ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="few"
-    )
+    return scan_of(ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="few")
 
 
 def refined(
