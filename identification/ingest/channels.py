@@ -60,6 +60,8 @@ class Channel:
     """Constant in place of cells, in `unit`, or None."""
     is_direction: bool = False
     """True if the cells are directions, which may be words."""
+    may_end: bool = False
+    """True if other columns of the table have more rows, below which the cells are blank."""
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -74,12 +76,12 @@ class Channel:
     @property
     def may_be_blank(self) -> bool:
         """True if the channel is often logged at a lower rate, which leaves cells blank."""
-        return self.name == "temperature_degC"
+        return self.may_end or self.name == "temperature_degC"
 
     @property
     def may_lack(self) -> bool:
         """True if a row may have no value of the channel, as that of another message of a bus."""
-        return self.name != "time_s" and not self.is_direction
+        return self.may_end or (self.name != "time_s" and not self.is_direction)
 
 
 def assign_channels(

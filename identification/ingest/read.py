@@ -46,6 +46,7 @@ from identification.ingest.reader import (
     refuse_not_finite,
 )
 from identification.ingest.run import Run, RunWarning, Source, SourceLocator
+from identification.ingest.side_by_side import with_own_clocks
 from identification.ingest.supplied import requested, supplied
 from identification.ingest.tables import choose_table, closest_table
 from identification.ingest.text import TextReader
@@ -90,7 +91,8 @@ def read_run(
         shown = plain(name if name is not None else "DataFrame", 200)
         with naming(shown):
             frame = Frame(source, shown)
-            return _run(frame, frame, read_mapping(mapping, shown), limits)
+            table = with_own_clocks(frame, shown)
+            return _run(frame, table, read_mapping(mapping, shown), limits)
     shown = _shown(source, name)
     with naming(shown):
         run_mapping = read_mapping(mapping, shown)
@@ -119,7 +121,7 @@ def opened(file: RunFile, readers: Sequence[Reader]) -> SourceTable | TableSet:
     """Table or tables of a file, by the first reader that recognises it."""
     content = unpacked(file)
     reader = next(r for r in readers if r.recognises(content.name, content.head))
-    return reader.open(content)
+    return with_own_clocks(reader.open(content), content.name)
 
 
 def _check_size(samples: Samples, limits: Limits) -> None:

@@ -1,0 +1,140 @@
+"""Groups of columns side by side, each behind its own time column, as catman and DIAdem write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.typing import NDArray
+
+from identification import errors
+from identification.ingest import read_run
+from tests.ingest.samples import record
+
+RECORD = record(60)
+TIME, SPEED = RECORD["time_s"], RECORD["speed_rad_s"]
+
+
+def beside(
+    name: str, channel: str, step: int, *, scale: float = 1.0, shift: float = 0.0
+) -> pd.DataFrame:
+    """The record with one channel at the end, at every `step`-th time, behind a time column."""
+    frame = pd.DataFrame(RECORD).drop(columns=channel)
+    frame[name] = pd.Series((TIME[::step] + shift) * scale)
+    frame[channel] = pd.Series(RECORD[channel][::step])
+    return frame
+
+
+def codes(path: Path) -> set[str]:
+    """Codes of the warnings of a run."""
+    return {warning.code for warning in read_run(path).warnings}
+
+
+def test_channel_has_the_times_of_the_column_to_its_left(tmp_path: Path) -> None:
+    """A speed at half the rate is interpolated between its own times, and that is said."""
+    path = tmp_path / "run.csv"
+    beside("Time 2 [s]", "speed_rad_s", 2).to_csv(path, index=False)
+
+    run = read_run(path)
+
+    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
+    assert np.allclose(run.speed, expected, rtol=1e-12)
+    assert np.array_equal(run.current, RECORD["current_A"][:-1])
+    assert run.sources["speed_rad_s"].method == "linear"
+    assert "different_clocks" in codes(path)
+
+
+@pytest.mark.parametrize("step", [4, 10])
+def test_temperature_of_a_slow_group_belongs_to_its_own_times(tmp_path: Path, step: int) -> None:
+    """Six or fifteen temperatures stand in the first rows, and cover the whole record."""
+    path = tmp_path / "run.csv"
+    beside("Time 2 [s]", "temperature_degC", step).to_csv(path, index=False)
+
+    run = read_run(path)
+
+    expected = np.interp(TIME, TIME[::step], RECORD["temperature_degC"][::step])
+    assert run.temperature == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3)])
+def test_groups_of_one_clock_are_a_plain_table(tmp_path: Path, unit: str, scale: float) -> None:
+    """A time column in front of each channel, all with the same title or in another unit."""
+    path, columns = tmp_path / "run.csv", dict[str, NDArray[np.float64]]()
+    names = [name for name in RECORD if name != "time_s"]
+    for k, name in enumerate(names):
+        columns["Time [s]" + k * " "] = TIME if k == 0 else TIME * scale
+        columns[name] = RECORD[name]
+    frame = pd.DataFrame(columns)
+    header = [c for k, name in enumerate(names) for c in (f"Time [{unit if k else 's'}]", name)]
+    frame.to_csv(path, index=False, header=header)
+
+    run = read_run(path)
+
+    for name in names:
+        assert np.array_equal(run.channels[name], RECORD[name])
+    assert np.array_equal(run.time, TIME)
+    assert "different_clocks" not in codes(path)
+
+
+def test_first_column_is_a_time_if_its_unit_is_one(tmp_path: Path) -> None:
+    """The title of catman names the rate: Time 1 - fast."""
+    path = tmp_path / "run.csv"
+    frame = beside("Time 2 - slow [ms]", "temperature_degC", 10, scale=1e3)
+    frame.rename(columns={"time_s": "Time 1 - fast [s]"}).to_csv(path, index=False)
+
+    run = read_run(path)
+
+    expected = np.interp(TIME, TIME[::10], RECORD["temperature_degC"][::10])
+    assert run.temperature == pytest.approx(expected)
+    assert np.array_equal(run.time, TIME)
+
+
+def test_value_lost_within_a_group_is_refused(tmp_path: Path) -> None:
+    """The sixth speed is blank; blanks are allowed below the last time of the group only."""
+    path = tmp_path / "run.csv"
+    frame = beside("Time 2 [s]", "speed_rad_s", 2)
+    frame.loc[5, "speed_rad_s"] = np.nan
+    frame.to_csv(path, index=False)
+
+    with pytest.raises(errors.MissingValue, match="row 7, column speed_rad_s: the cell is blank"):
+        read_run(path)
+
+
+def test_times_of_a_group_increase(tmp_path: Path) -> None:
+    """The fourth time of the speed repeats the third."""
+    path = tmp_path / "run.csv"
+    frame = beside("Time 2 [s]", "speed_rad_s", 2)
+    frame["Time 2 [s]"] = frame["Time 2 [s]"].where(frame.index != 3, TIME[4])
+    frame.to_csv(path, index=False)
+
+    with pytest.raises(errors.BackwardTime, match="row 5, column speed_rad_s"):
+        read_run(path)
+
+
+def test_time_of_another_device_is_no_clock_of_a_group(tmp_path: Path) -> None:
+    """A controller counts from its own start: its time has another name and another zero."""
+    path = tmp_path / "run.csv"
+    beside("Controller time [s]", "speed_rad_s", 1, shift=0.02).to_csv(path, index=False)
+
+    assert np.array_equal(read_run(path).speed, SPEED)
+
+
+def test_groups_without_a_common_time_are_refused(tmp_path: Path) -> None:
+    """The second group was recorded an hour later."""
+    path = tmp_path / "run.csv"
+    beside("Time 2 [s]", "speed_rad_s", 2, shift=3600.0).to_csv(path, index=False)
+
+    with pytest.raises(errors.NoRows, match="no time in common"):
+        read_run(path)
+
+
+def test_sheet_and_frame_are_read_like_text(tmp_path: Path) -> None:
+    """The same two rates in a workbook and in a DataFrame."""
+    frame, path = beside("Time 2 [s]", "speed_rad_s", 2), tmp_path / "run.xlsx"
+    frame.to_excel(path, index=False)
+    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
+
+    for source in (path, frame):
+        assert np.allclose(read_run(source).speed, expected, rtol=1e-12)
