@@ -29,13 +29,16 @@ _LEAST_SPAN: Final = 1.0
 _WIDEST: Final = 5.0
 """Half width of the search range around the expected temperature [prior standard deviations]."""
 _LANES: Final = 16
-_ROUNDS: Final = 5
-"""Grid refinements; each shrinks the range to 2/15, the last to about a hundredth of a kelvin."""
-_AGAIN: Final = 3
+_SHRINK: Final = 2.0 / (_LANES - 1)
+"""Range of a grid over that of the one before [-]."""
+_GRIDS: Final = 3
+"""Grids of one round, the last 0.4 K apart; a parabola through its lowest three points follows.
+Later rounds leave out the first."""
+_ROUNDS: Final = 3
 """Rounds at most in which temperature, warming and initial state are fitted in turn, the others
 held."""
-_FINEST: Final = 2.0 * _WIDEST * (2.0 / (_LANES - 1)) ** _ROUNDS
-"""Spacing of the last grid [prior standard deviations]; a round that moves less is the last."""
+_STILL: Final = 1e-3
+"""Move [prior standard deviations] below which a round is the last."""
 
 
 def unlogged_of(records: Sequence[Record]) -> Unlogged:
@@ -91,7 +94,7 @@ def _temperature(
     weighting = replace(Weighting.white(records), deviation=deviation)
     scale = np.array([own.scale for own in unlogged])
     substeps, states = None, None
-    for _ in range(_AGAIN):
+    for attempt in range(_ROUNDS):
         before = tried[at, 0]
         here = tuple(_at(record, before) for record in records)
         start = Simulator.fitting(model, here, values, substeps)
@@ -100,23 +103,31 @@ def _temperature(
         simulator = simulator.roughly_accurate(tried[:, 0], states, deviation)
         substeps = simulator.substeps
         for row, own in reversed(list(zip(at, unlogged, strict=True))):
-            half = _WIDEST * own.scale
-            for _ in range(_ROUNDS):
-                middle = tried[row, 0]
+            for grid in range(min(attempt, 1), _GRIDS):
+                middle, half = tried[row, 0], _WIDEST * own.scale * _SHRINK**grid
                 lanes = np.linspace(middle - half, middle + half, _LANES)
                 tried[row] = np.clip(lanes, own.lower, own.upper)
                 sums = simulator.misfit(tried, states, weighting)
                 with np.errstate(over="ignore", invalid="ignore"):
                     cost = 0.5 * np.sum(sums / deviation[:, None] ** 2, axis=0)
                     cost += 0.5 * ((tried[row] - own.prior_mean) / own.scale) ** 2
-                if not np.isfinite(cost).any():
-                    tried[row] = middle
-                    break
-                tried[row] = tried[row, np.nanargmin(cost)]
-                half *= 2.0 / (_LANES - 1)
-        if np.all(np.abs(tried[at, 0] - before) < _FINEST * scale):
+                lowest = _lowest(tried[row], cost)
+                tried[row] = middle if lowest is None else lowest
+        if np.all(np.abs(tried[at, 0] - before) < _STILL * scale):
             break
     return np.asarray(tried[at, 0])
+
+
+def _lowest(at: Array, cost: Array) -> float | None:
+    """Minimum of a cost over a grid, by a parabola; None if no cost is finite."""
+    if not np.isfinite(cost).any():
+        return None
+    k = int(np.nanargmin(cost))
+    step, around = np.diff(at[max(k - 1, 0) : k + 2]), cost[max(k - 1, 0) : k + 2]
+    if step.size < 2 or not np.isclose(*step) or not np.isfinite(around).all():
+        return float(at[k])
+    bend = around[0] - 2.0 * around[1] + around[2]
+    return float(at[k] + 0.5 * step[0] * (around[0] - around[2]) / bend if bend > 0.0 else at[k])
 
 
 def _at(record: Record, own: Array | None) -> Record:
