@@ -12,7 +12,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.effects.confusion import RESISTANCE, TORQUE_CONSTANT
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
-from identification.effects.parameters import amplitude, columns, shape
+from identification.effects.parameters import THERMAL_S, amplitude, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTemperature, Expression, Signals, State, Values
 
@@ -98,7 +98,7 @@ class _Lag(AbstractEffect, AbstractTemperature):
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         if not _moves(scales):
             return []
-        term = cls(scales.duration / 200, scales.run_duration * 5)
+        term = cls(scales.duration / 200, max(scales.run_duration * 5, THERMAL_S))
         return [Candidate(term, columns(*[(f * scales.duration,) for f in _SCANNED]))]
 
 

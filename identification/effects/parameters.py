@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array
 from identification.model.parameter import Parameter
 
-__all__ = ["amplitude", "asymmetry", "columns", "shape"]
+__all__ = ["THERMAL_S", "amplitude", "asymmetry", "columns", "shape"]
+
+THERMAL_S: Final = 3600.0
+"""Longest thermal time constant of a small motor [s].  A record that is shorter shows the rate of
+such a change and so bounds its size only together with the time constant, which therefore may not
+be limited by the length of the record."""
 
 
 def amplitude(

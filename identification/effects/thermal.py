@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.effects.confusion import RESISTANCE, TORQUE_CONSTANT
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
-from identification.effects.parameters import columns, shape
+from identification.effects.parameters import THERMAL_S, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -158,7 +158,7 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         power = scales.nominal("Ra25") * scales.current**2
-        fastest, slowest = scales.duration / 300, scales.run_duration * 5
+        fastest, slowest = scales.duration / 300, max(scales.run_duration * 5, THERMAL_S)
         is_logged = all(record.expected is None for record in scales.records)
         least = 0.0 if is_logged else _LEAST_RISE
         term = cls(power, fastest, slowest, scales.speed, least=least)
