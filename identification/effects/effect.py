@@ -148,6 +148,11 @@ class AbstractEffect(AbstractTerm):
         return self.scope != "all runs"
 
     @property
+    def varies(self) -> bool:
+        """Whether the size differs from run to run, so that some runs have hardly any of it."""
+        return False
+
+    @property
     def runs(self) -> tuple[int, ...]:
         """Numbers of the runs to which the term is restricted; empty for all runs."""
         return ()

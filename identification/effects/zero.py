@@ -119,6 +119,10 @@ class CurrentOffset(_SensorZero):
         return () if self.own else super().parameters
 
     @property
+    def varies(self) -> bool:
+        return self.own
+
+    @property
     def states(self) -> tuple[State, ...]:
         return (State("offset", "A", scale=self.size, is_own=True),) if self.own else ()
 

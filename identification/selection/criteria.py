@@ -14,7 +14,9 @@ criteria.  None of them was tuned on a simulator.
 3. *Validation.* The error of the validation runs has to fall by at least a quarter of its fall in
    training, or of the fall that is certainly possible above the noise if that is smaller.  These
    runs also have to prefer the effect by twenty to one.  An effect of a single run is exempt from
-   both; it may raise their error by at most a quarter of its fall in training.  The validation
+   both; it may raise their error by at most a quarter of its fall in training.  An effect whose
+   size differs from run to run is exempt from the share only: a zero error of each run may by
+   chance be small in the validation runs, which still have to prefer it.  The validation
    noise level is only as certain as the kurtosis of the residual allows: a few outliers raise it
    although no effect is missing.  Per-record amplitudes are fitted to the validation runs, because
    a phase cannot be predicted.  The falls are fractions of the error, not of its logarithm: that
@@ -55,6 +57,8 @@ class AcceptanceCriteria:
     """Gain of the log likelihood of the validation runs, in effective samples."""
     local: bool
     """True if the effect is restricted to single runs."""
+    varies: bool = False
+    """True if the size of the effect differs from run to run."""
     flaw: str = ""
     """Why the fitted effect is implausible for its type; empty if it is plausible."""
     unknowns: int = 1
@@ -101,7 +105,7 @@ class AcceptanceCriteria:
             return ""
         training, validation = _fraction(self.training), _fraction(self.validation)
         least = -policy.validation_share * training
-        if not self.local:
+        if not (self.local or self.varies):
             expected = policy.validation_share * min(training, _fraction(max(self.possible, 0.0)))
             least = expected - policy.validation_tolerance
         is_preferred = self.local or self.log_odds > policy.validation_log_odds

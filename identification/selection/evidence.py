@@ -143,6 +143,7 @@ class EvaluatedModel:
             possible=possible,
             log_odds=log_odds,
             local=bool(added) and all(term.is_local for term in added),
+            varies=bool(added) and all(term.varies for term in added),
             flaw=self._flaw(simpler),
             unknowns=max(shared, 1),
             tried=max(tried, 1),

@@ -93,7 +93,7 @@ class Found:
         explains [-].
         """
         criteria, seen = self.criteria, self.criteria.validation
-        fall = criteria.training if seen is None or criteria.local else seen
+        fall = criteria.training if seen is None or criteria.local or criteria.varies else seen
         after = float(np.sum(np.maximum(ratios**2 - 1.0, 0.0)))
         odds = self._scaled(1.0 / (1.0 + self.probability)) if self.is_undecided else self
         if self.name == "unlisted" or not after > 0.0:

@@ -117,6 +117,23 @@ def test_a_run_with_a_sensor_off_is_named_and_is_no_noise() -> None:
     assert not any("other runs" in warning for warning in clean["warnings"])
 
 
+def test_a_zero_error_that_is_small_in_the_validation_run_is_found() -> None:
+    """The zero of the current drifts from run to run; the last run is noisier and nearly free."""
+    runs = campaign(motor_named("servo 100 W"), seed=6, noise=0.005, runs=5, rows=800)
+    noise = 0.005 * max(np.abs(run.current).max() for run in runs)
+    runs = [
+        replace(run, current=run.current + size * noise)
+        for run, size in zip(runs, (3.0, -2.0, 4.0, 1.0, 0.6), strict=True)
+    ]
+    scatter = np.random.default_rng(6).normal(0.0, 1.5 * noise, runs[4].rows)
+    runs[4] = replace(runs[4], current=runs[4].current + scatter)
+
+    result: Any = identify(runs[:4], runs[4:], FAST).result
+
+    (found,) = result["effects"]
+    assert (found["name"], found["variant"]) == ("current_offset", "separate value for each run")
+
+
 def test_a_stuck_thermometer_leaves_no_effect_that_validation_refuses() -> None:
     """Fitted with `force`: thermal effects are surrogates, but only if they predict."""
     runs = campaign(motor_named("servo 100 W"), seed=9, noise=0.01, runs=4, rows=800)
