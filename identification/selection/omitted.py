@@ -112,7 +112,7 @@ def omitted_terms(
         gain = fraction * score.gain
         if score.along is None or not gain > chance or score.candidate.term.name in found:
             continue
-        position = np.reshape(score.along.position, -1)
+        position = score.best * np.reshape(score.along.position, -1)
         if np.isfinite(position).all() and not _is_implausible(score):
             step = position / np.sqrt(1.0 + _distance(fit, score, position))
             steps = dict(zip(fit.coordinates.names, map(float, step), strict=True))
@@ -137,7 +137,7 @@ def _distance(fit: Fit, score: Score, position: Array) -> float:
     """
     parameters = score.candidate.final.parameters
     sizes = [
-        value / (one.scale * one.prior_sd)
+        score.best * value / (one.scale * one.prior_sd)
         for one, value in zip(parameters, score.start, strict=True)
         if one.vanishes
     ]

@@ -46,6 +46,9 @@ class Score:
     control: float | None = None
     """Median over the other runs of the gain of the same effect there, given this one; None if it
     is not restricted to runs, or if there are no others."""
+    best: float = 1.0
+    """Amplitude with the predicted gain over that of the start; not 1 if its sign contradicts the
+    effect, so that a refit starts from the prototype [-]."""
 
     @property
     def structure(self) -> tuple[str, str]:

@@ -227,9 +227,10 @@ def _scores_from(candidate: Candidate, projection: Projection) -> list[Score]:
         joint = projection.of(slice(first, first + candidate.joint))
         gain, weights = joint.gain()
         if np.isfinite(gain):
-            start, weights = sized(candidate, first, weights)
-            along = joint.along.by(weights)
-            scores.append(Score(candidate, start, gain, joint.covariance(), (), along))
+            start, taken = sized(candidate, first, weights)
+            score = Score(candidate, start, gain, joint.covariance(), (), joint.along.by(taken))
+            is_single = weights.size == 1 and taken[0] != 0.0
+            scores.append(replace(score, best=float(weights[0] / taken[0])) if is_single else score)
     return scores
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bench import EffectRequest, make_campaign
 from identification.effects.electrical import BrushDrop
 from identification.effects.friction import CoulombFriction
+from identification.effects.sensor import ChannelDelay
 from identification.fit.declared import fit_declared
 from identification.fit.effective_samples import effective_fraction
 from identification.fit.identifiability import identified
@@ -164,6 +165,27 @@ def test_no_terms_make_a_parameter_less_certain_than_its_prior(clean: Fit) -> No
     wide = np.log(with_omitted_drawn(draws, clean, far, seed=1)["L"] / clean.values[row])
     # The lower bound of L mirrors a part of the draws.
     assert 0.5 * prior < np.std(wide) < 1.05 * prior
+
+
+def test_a_term_with_the_wrong_sign_changes_the_parameters_as_much_as_its_best_amplitude() -> None:
+    """A voltage logged 3 % of a sample too early, where a delay is at least zero.
+
+    A refit would start from the prototype, a delay of half a sample or more.
+    """
+    motor = motor_named("servo 100 W")
+    early = [
+        replace(run, voltage=0.97 * run.voltage + 0.03 * np.append(run.voltage[1:], 0.0))
+        for run in campaign(motor, seed=4, noise=0.003)
+    ]
+    fit = fit_declared(records_of(early), "zoh")
+    found = screened(fit, ChannelDelay.candidates(scales_of(fit)))
+    voltage = [score for score in found if score.candidate.final.variant == "voltage"]
+
+    (term,) = omitted_terms(fit, 1.0, voltage, 1)
+
+    assert voltage[0].best < 0.0
+    missed = np.log(motor.vector[-1] / fit.by_name["L"])
+    assert term.steps["L"] == pytest.approx(missed, abs=0.5 * abs(missed))
 
 
 def test_a_step_beyond_the_priors_is_reduced_for_all_parameters_together(
