@@ -149,7 +149,7 @@ class AbstractEffect(AbstractTerm):
 
     @property
     def varies(self) -> bool:
-        """Whether the size differs from run to run, so that some runs have hardly any of it."""
+        """True if the size differs from run to run, so that some runs have hardly any of it."""
         return False
 
     @property
