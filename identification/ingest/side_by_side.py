@@ -4,15 +4,15 @@
 
 Loggers with several sample rates (catman, DIAdem) and plots exported curve by curve have such
 tables.  A channel has the clock of the nearest time column to its left; a shorter group ends with
-blank cells.  Time columns are those whose titles begin with the same word: another device's time
-has another zero, and its name says so.
+blank cells.  The titles of the time columns are the same but for number, rate and unit: the time of
+day or of another device has another zero, and its name says so.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Final
@@ -20,12 +20,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
+from identification.errors import NoRows
 from identification.ingest.channels import Channel
 from identification.ingest.clocks import Signal, SignalTable
 from identification.ingest.columns import Column
 from identification.ingest.reader import Samples, SourceTable, TableSet, blank_cell
-from identification.ingest.units import Unit, canonical_unit
+from identification.ingest.units import Unit, canonical_unit, find_unit
 
 __all__ = ["with_own_clocks"]
 
@@ -44,16 +45,19 @@ def with_own_clocks(opened: SourceTable | TableSet, file: str) -> SourceTable | 
 def _grouped(table: SourceTable, file: str) -> SourceTable:
     columns = list(table.columns)
     places = [k for k, column in enumerate(columns) if column.is_time]
-    words = {_first_word(columns[k]) for k in places}
-    has_groups = len(places) > 1 and places[0] == 0 and len(words) == 1
+    names = {_name(columns[k]) for k in places}
+    has_groups = len(places) > 1 and places[0] == 0 and len(names) == 1
     if not has_groups or any(b - a < 2 for a, b in pairwise([*places, len(columns)])):
         return table
     return _SideBySide(table, tuple(columns[k] for k in places), file)
 
 
-def _first_word(column: Column) -> str:
-    words = re.findall(r"[^\W\d_]+", column.title.casefold())
-    return words[0] if words else ""
+def _name(column: Column) -> str:
+    """Title without number, rate and unit: ``time`` of "Time 1 - slow [s]" and of "time_ms"."""
+    words = re.findall(r"[^\W\d_]+", re.split(r" - |[\[(/]", column.title)[0])
+    units = [find_unit(word) for word in words]
+    own = [w for w, unit in zip(words, units, strict=True) if unit is None]
+    return " ".join(own).casefold()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,8 +80,8 @@ class _SideBySide:
 
         Raises:
             MissingValue: A cell is blank before the end of its group.
-            RunFileError: Cells are faulty, the times of a group do not increase, or the groups
-                have no time in common.
+            NoRows: Two groups have no time in common.
+            RunFileError: Cells are faulty, or the times of a group do not increase.
         """
         first = self.times[0].index
         time = next((c for c in channels if c.name == "time_s" and c.column.index == first), None)
@@ -94,17 +98,33 @@ class _SideBySide:
         }
         times = {k: _same(clock, times[needed[0]]) for k, clock in times.items()}
         rows = {k: np.flatnonzero(~np.isnan(clock)) for k, clock in times.items()}
+        self._refuse_apart({k: clock[rows[k]] for k, clock in times.items()})
         signals = []
         for channel, group in zip(used, groups, strict=True):
-            cells = found.cells[channel.name]
+            cells, is_timed = found.cells[channel.name], ~np.isnan(times[group])
+            _refuse_blanks(clocks[needed.index(group)], ~is_timed & ~np.isnan(cells), found)
             if not channel.may_be_blank:
-                _refuse_blanks(channel, cells[rows[group]], rows[group], found)
+                _refuse_blanks(channel, is_timed & np.isnan(cells), found)
             clock = partial(np.take, times[group], rows[group])
             load = partial(np.take, cells, rows[group])
             signals.append(Signal((), "", clock, load, rows=partial(_row, found, rows[group])))
         unit = time.unit.name if time.scale == 1.0 else ""
         table = SignalTable(signals, self.file, found.warnings, unit)
         return table.read([_numbered(channel, k) for k, channel in enumerate(used, 1)])
+
+    def _refuse_apart(self, clocks: Mapping[int, Array]) -> None:
+        """Reject a group that was recorded before or after the first one."""
+        timed = [k for k, clock in clocks.items() if clock.size]
+        for k in timed[1:]:
+            first = timed[0]
+            begin, end = clocks[first][[0, -1]]
+            if clocks[k][0] > end or clocks[k][-1] < begin:
+                raise NoRows(
+                    f"its times, {clocks[k][0]:.6g} to {clocks[k][-1]:.6g}, and those of "
+                    f"{self.times[first].label}, {begin:.6g} to {end:.6g}, have no time in common; "
+                    "expected channels of one run",
+                    column=self.times[k].label,
+                )
 
     def _group(self, column: Column) -> int:
         """Number of the time column to the left of a channel."""
@@ -118,7 +138,8 @@ def _unit(column: Column) -> Unit:
 
 def _same(clock: Array, other: Array) -> Array:
     """The other clock if both differ by rounding only, as in another unit; else the clock."""
-    tolerance = _ROUNDED * float(np.nanmedian(np.diff(other))) if other.size > 1 else 0.0
+    steps = np.diff(other[~np.isnan(other)])
+    tolerance = _ROUNDED * float(np.median(steps)) if steps.size else 0.0
     return other if np.allclose(clock, other, 0.0, tolerance, equal_nan=True) else clock
 
 
@@ -131,12 +152,9 @@ def _numbered(channel: Channel, index: int) -> Channel:
     return dataclasses.replace(channel, column=dataclasses.replace(channel.column, index=index))
 
 
-def _refuse_blanks(
-    channel: Channel, cells: Array, rows: NDArray[np.intp], samples: Samples
-) -> None:
-    blank = np.flatnonzero(np.isnan(cells))
-    if blank.size:
-        raise blank_cell(channel, samples.row(int(rows[blank[0]])))
+def _refuse_blanks(channel: Channel, lost: Bool, samples: Samples) -> None:
+    if lost.any():
+        raise blank_cell(channel, samples.row(int(np.argmax(lost))))
 
 
 def _row(samples: Samples, rows: NDArray[np.intp], sample: int) -> int:

@@ -113,20 +113,42 @@ def test_times_of_a_group_increase(tmp_path: Path) -> None:
         read_run(path)
 
 
-def test_time_of_another_device_is_no_clock_of_a_group(tmp_path: Path) -> None:
-    """A controller counts from its own start: its time has another name and another zero."""
+@pytest.mark.parametrize("name", ["Controller time [s]", "Time of day [s]"])
+def test_time_with_another_zero_is_no_clock_of_a_group(tmp_path: Path, name: str) -> None:
+    """A controller counts from its own start, a clock from midnight."""
     path = tmp_path / "run.csv"
-    beside("Controller time [s]", "speed_rad_s", 1, shift=0.02).to_csv(path, index=False)
+    beside(name, "speed_rad_s", 1, shift=0.02).to_csv(path, index=False)
 
     assert np.array_equal(read_run(path).speed, SPEED)
 
 
-def test_groups_without_a_common_time_are_refused(tmp_path: Path) -> None:
+def test_time_of_day_beside_the_time_is_not_used(tmp_path: Path) -> None:
+    """Its cells are no numbers."""
+    path, frame = tmp_path / "run.csv", pd.DataFrame(RECORD)
+    frame.insert(4, "Time of day", [f"12:30:{t:06.3f}" for t in TIME])
+    frame.to_csv(path, index=False)
+
+    assert read_run(path).temperature == pytest.approx(RECORD["temperature_degC"])
+
+
+@pytest.mark.parametrize("channel", ["speed_rad_s", "temperature_degC"])
+def test_groups_without_a_common_time_are_refused(tmp_path: Path, channel: str) -> None:
     """The second group was recorded an hour later."""
     path = tmp_path / "run.csv"
-    beside("Time 2 [s]", "speed_rad_s", 2, shift=3600.0).to_csv(path, index=False)
+    beside("Time 2 [s]", channel, 2, shift=3600.0).to_csv(path, index=False)
 
     with pytest.raises(errors.NoRows, match="no time in common"):
+        read_run(path)
+
+
+def test_value_without_a_time_is_refused(tmp_path: Path) -> None:
+    """The time of the sixth speed is blank, and the speed is there."""
+    path = tmp_path / "run.csv"
+    frame = beside("Time 2 [s]", "speed_rad_s", 2)
+    frame.loc[5, "Time 2 [s]"] = np.nan
+    frame.to_csv(path, index=False)
+
+    with pytest.raises(errors.MissingValue, match="row 7, column Time 2"):
         read_run(path)
 
 
@@ -138,3 +160,14 @@ def test_sheet_and_frame_are_read_like_text(tmp_path: Path) -> None:
 
     for source in (path, frame):
         assert np.allclose(read_run(source).speed, expected, rtol=1e-12)
+
+
+def test_groups_without_any_time_have_no_samples(tmp_path: Path) -> None:
+    """Both time columns are blank."""
+    path = tmp_path / "run.csv"
+    frame = beside("Time 2 [s]", "speed_rad_s", 2)
+    frame[["time_s", "Time 2 [s]"]] = np.nan
+    frame.to_csv(path, index=False)
+
+    with pytest.raises(errors.RunFileError):
+        read_run(path)
