@@ -105,7 +105,7 @@ def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) ->
     radius = _radius(constant * max(float(np.sqrt(np.mean(e.run.current**2))) for e in sound))
     if speed * radius > _TIP_M_S or speed > _FAST_RAD_S:
         yield _fast(run, speed, speed * radius, constant)
-    least = math.pi * _IRON * radius**5
+    least = math.pi * _IRON * _radius(constant * max(_high(e.run.current) for e in sound)) ** 5
     if inertia < _LIGHT * least:
         yield suspicious_unit(
             run,
