@@ -125,6 +125,35 @@ def test_values_lost_in_a_table_of_one_clock_are_refused(tmp_path: Path, lost: i
         read_run(path)
 
 
+def test_channel_beside_the_time_of_another_device_is_not_put_on_that_of_the_voltage(
+    tmp_path: Path,
+) -> None:
+    """The speed has half as many samples, and the times of its controller."""
+    path = tmp_path / "run.csv"
+    frame = pd.DataFrame(RECORD).drop(columns="speed_rad_s")
+    frame["Controller time [s]"] = pd.Series(RECORD["time_s"][::2])
+    frame["speed_rad_s"] = pd.Series(RECORD["speed_rad_s"][::2])
+    frame.to_csv(path, index=False)
+
+    with pytest.raises(errors.MissingValue, match="row 32, column speed_rad_s: the cell is blank"):
+        read_run(path)
+
+
+def test_temperature_beside_the_time_of_another_device_is_refused(tmp_path: Path) -> None:
+    """Six temperatures at every tenth time stand in the first six rows."""
+    path = tmp_path / "run.csv"
+    frame = pd.DataFrame(RECORD).drop(columns="temperature_degC")
+    frame["Thermometer time [s]"] = pd.Series(RECORD["time_s"][::10])
+    frame["temperature_degC"] = pd.Series(RECORD["temperature_degC"][::10])
+    frame.to_csv(path, index=False)
+
+    with pytest.raises(errors.MissingValue) as caught:
+        read_run(path)
+
+    assert "row 8, column temperature_degC: only the first 6 rows have a value" in str(caught.value)
+    assert read_run(path, mapping={"temperature_degC": None}).temperature is None
+
+
 def test_blank_cells_are_reported_with_the_other_faults(tmp_path: Path) -> None:
     """A blank current on line 12 and a word in place of a speed on line 22."""
     path = tmp_path / "run.csv"

@@ -91,15 +91,18 @@ def test_first_column_is_a_time_if_its_unit_is_one(tmp_path: Path) -> None:
     assert np.array_equal(run.time, TIME)
 
 
-def test_value_lost_within_a_group_is_refused(tmp_path: Path) -> None:
-    """The sixth speed is blank; blanks are allowed below the last time of the group only."""
+@pytest.mark.parametrize("lost", ["speed_rad_s", "Time 2 [s]"])
+def test_value_or_time_lost_within_a_group_is_refused(tmp_path: Path, lost: str) -> None:
+    """The sixth cell is blank; blanks are allowed below the last time of the group only."""
     path = tmp_path / "run.csv"
     frame = beside("Time 2 [s]", "speed_rad_s", 2)
-    frame.loc[5, "speed_rad_s"] = np.nan
+    frame.loc[5, lost] = np.nan
     frame.to_csv(path, index=False)
 
-    with pytest.raises(errors.MissingValue, match="row 7, column speed_rad_s: the cell is blank"):
+    with pytest.raises(errors.MissingValue, match="the cell is blank") as caught:
         read_run(path)
+
+    assert (caught.value.row, caught.value.column) == (7, lost)
 
 
 def test_times_of_a_group_increase(tmp_path: Path) -> None:
@@ -141,17 +144,6 @@ def test_groups_without_a_common_time_are_refused(tmp_path: Path, channel: str) 
         read_run(path)
 
 
-def test_value_without_a_time_is_refused(tmp_path: Path) -> None:
-    """The time of the sixth speed is blank, and the speed is there."""
-    path = tmp_path / "run.csv"
-    frame = beside("Time 2 [s]", "speed_rad_s", 2)
-    frame.loc[5, "Time 2 [s]"] = np.nan
-    frame.to_csv(path, index=False)
-
-    with pytest.raises(errors.MissingValue, match="row 7, column Time 2"):
-        read_run(path)
-
-
 def test_sheet_and_frame_are_read_like_text(tmp_path: Path) -> None:
     """The same two rates in a workbook and in a DataFrame."""
     frame, path = beside("Time 2 [s]", "speed_rad_s", 2), tmp_path / "run.xlsx"
@@ -162,12 +154,12 @@ def test_sheet_and_frame_are_read_like_text(tmp_path: Path) -> None:
         assert np.allclose(read_run(source).speed, expected, rtol=1e-12)
 
 
-def test_groups_without_any_time_have_no_samples(tmp_path: Path) -> None:
+def test_groups_without_any_time_are_refused(tmp_path: Path) -> None:
     """Both time columns are blank."""
     path = tmp_path / "run.csv"
     frame = beside("Time 2 [s]", "speed_rad_s", 2)
     frame[["time_s", "Time 2 [s]"]] = np.nan
     frame.to_csv(path, index=False)
 
-    with pytest.raises(errors.RunFileError):
+    with pytest.raises(errors.MissingValue, match="row 2, column time_s: the cell is blank"):
         read_run(path)

@@ -116,20 +116,25 @@ def test_a_term_that_stabilises_the_model_is_kept() -> None:
     assert scores_of([coloured, alone])[0] == scores_of([coloured])[0]
 
 
-def test_a_term_without_which_a_validation_run_diverges_is_kept(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """An infinite validation error confirms a term, and refuses one that causes it."""
+def _with_friction() -> tuple[Trials, EvaluatedModel, EvaluatedModel]:
+    """Trials of a servo with dry friction, its nominal model, and the model with the friction."""
     hidden = make_campaign("servo_150w", ["coulomb_friction"], seed=5, rows=800, training=2)
     runs = records_of_bench(hidden)
     work = Trials(runs)
     declared = work.evaluate(fit_declared(runs.training, "zoh"))
-    scores = [s for s in work.scores(declared) if s.candidate.term.name == "coulomb_friction"]
-    current = work.evaluate(work.refits(declared, scores)[0][1])
-    simulate = simulate_unseen
+    score = next(s for s in work.scores(declared) if s.candidate.term.name == "coulomb_friction")
+    return work, declared, work.evaluate(work.refits(declared, [score])[0][1])
+
+
+def test_a_term_without_which_a_validation_run_diverges_is_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An infinite validation error confirms a term, and refuses one that causes it."""
+    work, declared, current = _with_friction()
+    runs = work.campaign
 
     def diverging(fit: Fit, records: Sequence[Record], *, whole: bool) -> list[Simulated]:
-        found = simulate(fit, records, whole=whole)
+        found = simulate_unseen(fit, records, whole=whole)
         return [replace(each, logged=np.full_like(each.logged, np.nan)) for each in found]
 
     monkeypatch.setattr(evidence, "simulate_unseen", diverging)
@@ -157,12 +162,7 @@ def test_a_diverging_fit_is_repeated_from_the_nominal_parameters(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The first fit without the term diverges; the second starts from the nominal fit."""
-    hidden = make_campaign("servo_150w", ["coulomb_friction"], seed=5, rows=800, training=2)
-    runs = records_of_bench(hidden)
-    work = Trials(runs)
-    declared = work.evaluate(fit_declared(runs.training, "zoh"))
-    score = next(s for s in work.scores(declared) if s.candidate.term.name == "coulomb_friction")
-    current = work.evaluate(work.refits(declared, [score])[0][1])
+    work, declared, current = _with_friction()
     del work._evaluated[frozenset()]
     work._evaluated[frozenset()] = replace(declared, fit=replace(declared.fit, converged=False))
     begun: list[Fit] = []
