@@ -16,7 +16,7 @@ from identification.ingest.file import Limits
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
 
-__all__ = ["ColumnTable", "numbers", "refuse_large"]
+__all__ = ["ColumnTable", "converted", "numbers", "refuse_large"]
 
 _EXACT_INTEGERS = 2**53
 
@@ -32,8 +32,21 @@ class ColumnTable:
 
     def read(self, channels: Sequence[Channel]) -> Samples:
         """Load the columns of the channels; samples are counted from 1 in messages."""
-        cells = {c.name: numbers(self.load(c.column), c.column) for c in channels}
+        cells = converted(channels, lambda channel: self.load(channel.column))
         return Samples(cells, lambda sample: sample + 1, self.warnings)
+
+
+def converted(
+    channels: Sequence[Channel], load: Callable[[Channel], ArrayLike]
+) -> dict[str, Array]:
+    """Cells (n_sample,) of each channel by its name; dates count from the first of all times."""
+    cells: dict[str, Array] = {}
+    first: NDArray[np.generic] | None = None
+    for channel in channels:
+        raw = np.asarray(load(channel))
+        first = raw if first is None and channel.unit.quantity == "time" else first
+        cells[channel.name] = numbers(raw, channel.column, first)
+    return cells
 
 
 def refuse_large(limits: Limits, rows: int, columns: int = 0) -> None:
@@ -51,22 +64,23 @@ def refuse_large(limits: Limits, rows: int, columns: int = 0) -> None:
             )
 
 
-def numbers(values: ArrayLike, column: Column) -> Array:
+def numbers(values: ArrayLike, column: Column, times: NDArray[np.generic] | None = None) -> Array:
     """Convert cells (n_sample,) of a column to floating point.
 
     Dates become seconds from the first date.  Integers too large for a floating point number, such
-    as nanoseconds since 1970, become differences from the first one.
+    as nanoseconds since 1970, become differences from the first one, or from that of `times`.
 
     Raises:
         NotANumber: The cells are texts, complex numbers or objects.
     """
     cells = np.asarray(values)
+    first = cells if times is None else times
     if cells.dtype.kind in "mM":
-        return _seconds(cells)
-    if cells.dtype.kind in "iu" and cells.size:
-        low, high = int(cells.min()), int(cells.max())
-        if max(abs(low), abs(high)) > _EXACT_INTEGERS and "time" in column.quantities:
-            cells = cells - cells[0]
+        return _seconds(cells, first if first.dtype.kind == cells.dtype.kind else cells)
+    if "time" in column.quantities and first.dtype.kind in "iu" and first.size:
+        largest = max(abs(int(first.min())), abs(int(first.max())))
+        if largest > _EXACT_INTEGERS and cells.dtype.kind in "iuf":
+            cells = cells - first[0]
     if cells.dtype.kind not in "biuf" or cells.ndim != 1:
         raise NotANumber(
             f"the cells have the type {cells.dtype} and the shape {cells.shape}; expected one "
@@ -76,12 +90,13 @@ def numbers(values: ArrayLike, column: Column) -> Array:
     return np.ascontiguousarray(cells, dtype=np.float64)
 
 
-def _seconds(cells: NDArray[np.datetime64] | NDArray[np.timedelta64]) -> Array:
-    """Seconds from the first date, or of each duration; NaN where there is none."""
+def _seconds(cells: NDArray[np.generic], first: NDArray[np.generic]) -> Array:
+    """Seconds from the first date of `first`, or of each duration; NaN where there is none."""
     blank = np.isnat(cells)
     # Differences are taken in whole nanoseconds, which a floating point number since 1970 loses.
     kind = "datetime64[ns]" if cells.dtype.kind == "M" else "timedelta64[ns]"
     ticks = cells.astype(kind).astype(np.int64)
-    if cells.dtype.kind == "M" and not np.all(blank):
-        ticks = ticks - ticks[~blank][0]
+    dates = first[~np.isnat(first)].astype(kind).astype(np.int64)
+    if cells.dtype.kind == "M" and dates.size:
+        ticks = ticks - dates[0]
     return np.where(blank, np.nan, ticks / 1e9)

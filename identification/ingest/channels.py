@@ -36,7 +36,7 @@ from identification.ingest.units import (
     canonical_unit,
 )
 
-__all__ = ["Channel", "assign_channels"]
+__all__ = ["Channel", "assign_channels", "header_unit"]
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ def _mapped_unit(entry: ChannelMapping, column: Column) -> Unit:
     if entry.unit is not None:
         return entry.unit
     if not entry.scaled:
-        return _unit(entry.channel, column) if column.unit_texts else si
+        return header_unit(entry.channel, column) if column.unit_texts else si
     header = column.unit
     if header is not None and header.quantity == si.quantity and header != si:
         raise AmbiguousUnit(
@@ -307,10 +307,10 @@ def _unambiguous(name: str, candidates: list[Column]) -> Channel:
             column=candidates[0].label,
             examples=[example(name, candidates[0])],
         )
-    return Channel(name, candidates[0], _unit(name, candidates[0]))
+    return Channel(name, candidates[0], header_unit(name, candidates[0]))
 
 
-def _unit(name: str, column: Column) -> Unit:
+def header_unit(name: str, column: Column) -> Unit:
     """Unit from the header of a column, checked against the quantity of the channel."""
     quantity = canonical_unit(name).quantity
     accepted = accepted_spellings(quantity)

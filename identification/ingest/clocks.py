@@ -25,7 +25,6 @@ from identification.errors import BackwardTime, MissingValue, NoRows, RaggedRow
 from identification.ingest.cells import numbers
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column
-from identification.ingest.display import listed
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
 from identification.ingest.timing import find_gaps
@@ -179,27 +178,23 @@ def is_apart(cells: Array) -> bool:
     return _FEWEST_BLANKS * cells.size <= blanks < cells.size
 
 
-def apart(
-    samples: Samples, channels: Sequence[Channel], times: Sequence[str], file: str
-) -> Samples:
+def apart(samples: Samples, channels: Sequence[Channel], file: str) -> Samples:
     """Bring channels with values in some rows of a table only to one clock.
-
-    Of several columns of times, with the titles `times`, each may belong to other channels.
 
     Raises:
         RunFileError: The times of a channel do not increase, or the channels have none in common.
-        MissingValue: There are several times, and only the first rows have a temperature.
+        MissingValue: Only the first rows have a value of a channel.
     """
-    if len(times) > 1:
-        _refuse_other_times(samples, channels, times)
+    if samples.methods:
         return samples
+    _refuse_shorter(samples, channels)
     used = [channel for channel in channels if channel.name != "time_s"]
     time = next((channel for channel in channels if channel.name == "time_s"), None)
     cells = [samples.cells[channel.name] for channel in used]
     is_one_clock = not any(
         is_apart(x) for x, c in zip(cells, used, strict=True) if not c.may_be_blank
     )
-    if time is None or samples.methods or is_one_clock:
+    if time is None or is_one_clock:
         return samples
     signals = []
     for values in cells:
@@ -218,20 +213,19 @@ def apart(
     )
 
 
-def _refuse_other_times(
-    samples: Samples, channels: Sequence[Channel], times: Sequence[str]
-) -> None:
+def _refuse_shorter(samples: Samples, channels: Sequence[Channel]) -> None:
+    """Reject a channel with values in the first rows only, as of a group with times of its own."""
     for channel in channels:
-        blank = np.isnan(samples.cells[channel.name])
-        count = int(np.count_nonzero(~blank))
-        if channel.may_be_blank and 1 < count < blank.size and not np.any(blank[:count]):
+        cells = samples.cells[channel.name]
+        count = int(np.count_nonzero(~np.isnan(cells)))
+        if is_apart(cells) and count > 1 and not np.any(np.isnan(cells[:count])):
             raise MissingValue(
-                f"only the first {count} rows have a value, which may belong to another of the "
-                f"times {listed(times)}; export the channel at the times of the voltage, or leave "
-                "it out",
+                f"only the first {count} of {cells.size} rows have a value, which may belong to "
+                "other times; name the time column of each group of columns alike, as in Time 1 "
+                "[s] and Time 2 [s], export all channels at the same times, or cut the run there",
                 row=samples.row(count),
                 column=channel.column.label,
-                examples=[{channel.name: None}],
+                examples=[{channel.name: None}] if channel.may_be_blank else [],
             )
 
 

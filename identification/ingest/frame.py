@@ -12,9 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from identification.arrays import Array
 from identification.errors import DuplicateColumn, NotANumber
+from identification.ingest.cells import converted
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column, read_columns
 from identification.ingest.directions import direction_of
@@ -50,13 +51,18 @@ class Frame:
         Raises:
             NotANumber: A cell is neither a number nor missing; its row is its position from 0.
         """
-        cells = {}
+        cells = converted(channels, lambda c: _cells(self._data.iloc[:, c.column.index], c))
         for channel in channels:
-            values = _numbers(self._data.iloc[:, channel.column.index], channel)
             self._digest.update(f"{channel.column.title}\0".encode())
-            self._digest.update(values.tobytes())
-            cells[channel.name] = values
+            self._digest.update(cells[channel.name].tobytes())
         return Samples(cells, lambda sample: sample)
+
+    def load(self, column: Column) -> NDArray[np.generic]:
+        """Cells of a column of any type, as of names of signals."""
+        values = self._data.iloc[:, column.index]
+        self._digest.update(f"{column.title}\0".encode())
+        self._digest.update(pd.util.hash_pandas_object(values, index=False).to_numpy().tobytes())
+        return values.to_numpy(f"{kind}8[ns]" if (kind := values.dtype.kind) in "mM" else None)
 
     def sha256(self) -> str:
         """SHA-256 of the names and the values that were read, in hexadecimal."""
@@ -91,11 +97,10 @@ def _described(data: pd.DataFrame) -> list[Column]:
     return columns
 
 
-def _numbers(values: pd.Series, channel: Channel) -> Array:
-    """The cells as floats, in the unit of the column; times in seconds."""
+def _cells(values: pd.Series, channel: Channel) -> NDArray[np.generic]:
+    """The cells as numbers in the unit of the column, or as dates or durations."""
     if values.dtype.kind in "mM":
-        start = values.iloc[0] if values.dtype.kind == "M" and len(values) else pd.Timedelta(0)
-        return np.asarray((values - start).dt.total_seconds(), dtype=np.float64)
+        return values.to_numpy(f"{values.dtype.kind}8[ns]")
     if channel.is_direction and values.dtype.kind not in "biuf":
         label = channel.column.label
         return np.array([direction_of(str(cell), label, row) for row, cell in enumerate(values)])
@@ -110,4 +115,6 @@ def _numbers(values: pd.Series, channel: Channel) -> Array:
             column=channel.column.label,
             value=str(values.iloc[sample]),
         )
-    return numbers.to_numpy(np.float64, na_value=np.nan)
+    kind = numbers.dtype.kind
+    is_whole = kind in "iu" and not numbers.hasnans
+    return numbers.to_numpy(f"{kind}8" if is_whole else np.float64, na_value=np.nan)

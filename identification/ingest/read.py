@@ -129,7 +129,8 @@ def _check_size(samples: Samples, limits: Limits) -> None:
     rows = next(iter(samples.cells.values())).size
     if shapes != {(rows,)}:
         raise RaggedRow(
-            f"the columns have the shapes {sorted(shapes)}; expected one cell for each sample"
+            f"the columns have the shapes {sorted(shapes)}; expected one cell for each sample; "
+            "save a channel with times of its own as a struct or group with Time and Data"
         )
     if rows > limits.rows:
         raise FileTooLarge(
@@ -156,8 +157,7 @@ def _run(
     table, channels = choose_table(opened, mapping)
     samples = table.read(requested(channels))
     _check_size(samples, limits)
-    times = [column.title for column in table.columns if column.is_time]
-    samples = apart(samples, requested(channels), times, file.name)
+    samples = apart(samples, requested(channels), file.name)
     _check_size(samples, limits)
     labels = {name: channel.column.label for name, channel in channels.items()}
     locator = SourceLocator(file.name, labels, samples.row)

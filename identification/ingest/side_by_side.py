@@ -4,8 +4,8 @@
 
 Loggers with several sample rates (catman, DIAdem) and plots exported curve by curve have such
 tables.  A channel has the clock of the nearest time column to its left; a shorter group ends with
-blank cells.  The titles of the time columns are the same but for number, rate and unit: the time of
-day or of another device has another zero, and its name says so.
+blank cells.  The titles of the time columns are the same but for number, rate, unit and channel:
+the time of day or of another device has another zero, and its name says so.
 """
 
 from __future__ import annotations
@@ -22,20 +22,26 @@ from numpy.typing import NDArray
 
 from identification.arrays import Array, Bool
 from identification.errors import NoRows
-from identification.ingest.channels import Channel
+from identification.ingest.cells import ColumnTable
+from identification.ingest.channels import Channel, header_unit
 from identification.ingest.clocks import Signal, SignalTable
-from identification.ingest.columns import Column
+from identification.ingest.columns import Column, describe_column
+from identification.ingest.frame import Frame
 from identification.ingest.reader import Samples, SourceTable, TableSet, blank_cell
-from identification.ingest.units import Unit, canonical_unit, find_unit
+from identification.ingest.text.long import long_table, roles_of
+from identification.ingest.units import Unit, find_unit
 
 __all__ = ["with_own_clocks"]
 
+_WORD: Final = re.compile(r"[^\W\d_]+")
+_NO_UNIT: Final = re.compile(r"[\d.]+ ?(k?hz)?", re.IGNORECASE)
+"""Number or rate in the brackets of a title."""
 _ROUNDED: Final = 1e-3
 """Difference of two times over the sample interval below which they are the same."""
 
 
 def with_own_clocks(opened: SourceTable | TableSet, file: str) -> SourceTable | TableSet:
-    """The table or tables of a file, each group of columns on the clock to its left."""
+    """The table or tables of a file, with one signal per row or a clock for each group."""
     if isinstance(opened, TableSet):
         tables = {name: _grouped(table, file) for name, table in opened.tables.items()}
         return dataclasses.replace(opened, tables=tables)
@@ -44,20 +50,39 @@ def with_own_clocks(opened: SourceTable | TableSet, file: str) -> SourceTable | 
 
 def _grouped(table: SourceTable, file: str) -> SourceTable:
     columns = list(table.columns)
-    places = [k for k, column in enumerate(columns) if column.is_time]
-    names = {_name(columns[k]) for k in places}
-    has_groups = len(places) > 1 and places[0] == 0 and len(names) == 1
+    if isinstance(table, (ColumnTable, Frame)) and roles_of([c.title for c in columns]):
+        return long_table(columns, table.load, file, 1 if isinstance(table, ColumnTable) else 0)
+    named = [_named(column, columns[k : k + 1]) for k, column in enumerate(columns, 1)]
+    places = [k for k, column in enumerate(columns) if column.is_time or _is_time(named[k])]
+    if not (places or columns[0].quantities or columns[0].unit_texts):
+        # X_Value or a counter in front of each channel; a mapping gives its unit or interval.
+        places = [k for k, column in enumerate(named) if column.texts == named[0].texts]
+    has_groups = len(places) > 1 and places[0] == 0 and len({named[k].texts for k in places}) == 1
     if not has_groups or any(b - a < 2 for a, b in pairwise([*places, len(columns)])):
         return table
-    return _SideBySide(table, tuple(columns[k] for k in places), file)
+    times = (dataclasses.replace(named[k], texts=columns[k].texts) for k in places)
+    return _SideBySide(table, tuple(times), file)
 
 
-def _name(column: Column) -> str:
-    """Title without number, rate and unit: ``time`` of "Time 1 - slow [s]" and of "time_ms"."""
-    words = re.findall(r"[^\W\d_]+", re.split(r" - |[\[(/]", column.title)[0])
-    units = [find_unit(word) for word in words]
-    own = [w for w, unit in zip(words, units, strict=True) if unit is None]
-    return " ".join(own).casefold()
+def _named(column: Column, right: Sequence[Column]) -> Column:
+    """The column by its title without number, rate, unit and the channel to its right.
+
+    ``Time`` of "Time 1 - slow [s]", of "time_2_ms", of "Time [s].1" and of "Voltage time", each
+    with its unit.
+    """
+    channel = [word for other in right for word in _WORD.findall(other.title.casefold())]
+    front = _WORD.findall(re.split(r" - |[\[(/]", column.title)[0])
+    units = {word: find_unit(word) for word in _WORD.findall(column.title)}
+    # The case of t and T differs in meaning.
+    words = [w if len(w) == 1 else w.casefold() for w in front if units[w] is None]
+    name = " ".join(w for w in words if w not in channel and w not in ("hz", "khz"))
+    written = [unit.name for unit in units.values() if unit and unit.quantity == "time"]
+    stated = [text for text in column.unit_texts if not _NO_UNIT.fullmatch(text)] or written[:1]
+    return describe_column(column.index, [name], stated)
+
+
+def _is_time(column: Column) -> bool:
+    return column.quantities == {"time"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,8 +97,11 @@ class _SideBySide:
     @property
     def columns(self) -> Sequence[Column]:
         """The first time column, which stands for the common time, and all channels."""
-        first = dataclasses.replace(self.times[0], quantities=frozenset({"time"}))
-        return [first, *(c for c in self.table.columns if c not in self.times)]
+        first = self.times[0]
+        if first.is_time:
+            first = dataclasses.replace(first, quantities=frozenset({"time"}))
+        clocks = {time.index for time in self.times}
+        return [first, *(c for c in self.table.columns if c.index not in clocks)]
 
     def read(self, channels: Sequence[Channel]) -> Samples:
         """Bring the channels to one clock.
@@ -90,10 +118,14 @@ class _SideBySide:
         used = [channel for channel in channels if channel is not time]
         groups = [self._group(channel.column) for channel in used]
         needed = sorted(set(groups))
-        clocks = [Channel(f"time {k}", self.times[k], _unit(self.times[k])) for k in needed]
+        clocks = [Channel(f"time {k}", self.times[k], self._unit(k, time)) for k in needed]
         found = self.table.read([_in_group(c) for c in (*clocks, *used)])
+        length = max(cells.size for cells in found.cells.values())
+        for name, cells in found.cells.items():
+            found.cells[name] = np.append(cells, np.full(length - cells.size, np.nan))
+        own = self._unit(0, time).factor
         times = {
-            k: found.cells[clock.name] * (clock.unit.factor / _unit(time.column).factor)
+            k: found.cells[clock.name] * (clock.unit.factor / own)
             for k, clock in zip(needed, clocks, strict=True)
         }
         times = {k: _same(clock, times[needed[0]]) for k, clock in times.items()}
@@ -130,10 +162,12 @@ class _SideBySide:
         """Number of the time column to the left of a channel."""
         return sum(time.index < column.index for time in self.times) - 1
 
-
-def _unit(column: Column) -> Unit:
-    unit = column.unit
-    return unit if unit is not None and unit.quantity == "time" else canonical_unit("time_s")
+    def _unit(self, group: int, time: Channel) -> Unit:
+        """Unit of the times of a group: its own, else that of the first, else of the mapping."""
+        column = next((c for c in (self.times[group], self.times[0]) if c.unit_texts), None)
+        if column is not None:
+            return header_unit("time_s", column)
+        return dataclasses.replace(time.unit, factor=time.scale * time.unit.factor)
 
 
 def _same(clock: Array, other: Array) -> Array:

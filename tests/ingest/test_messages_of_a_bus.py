@@ -135,7 +135,7 @@ def test_channel_beside_the_time_of_another_device_is_not_put_on_that_of_the_vol
     frame["speed_rad_s"] = pd.Series(RECORD["speed_rad_s"][::2])
     frame.to_csv(path, index=False)
 
-    with pytest.raises(errors.MissingValue, match="row 32, column speed_rad_s: the cell is blank"):
+    with pytest.raises(errors.MissingValue, match="row 32, column speed_rad_s: only the first 30"):
         read_run(path)
 
 
@@ -150,7 +150,9 @@ def test_temperature_beside_the_time_of_another_device_is_refused(tmp_path: Path
     with pytest.raises(errors.MissingValue) as caught:
         read_run(path)
 
-    assert "row 8, column temperature_degC: only the first 6 rows have a value" in str(caught.value)
+    assert "row 8, column temperature_degC: only the first 6 of 60 rows have a value" in str(
+        caught.value
+    )
     assert read_run(path, mapping={"temperature_degC": None}).temperature is None
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.io
 from numpy.typing import NDArray
 
 from identification import errors
@@ -76,6 +78,139 @@ def test_groups_of_one_clock_are_a_plain_table(tmp_path: Path, unit: str, scale:
         assert np.array_equal(run.channels[name], RECORD[name])
     assert np.array_equal(run.time, TIME)
     assert "different_clocks" not in codes(path)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("Time [ms]", "Time [ms].1"),
+        ("time_1_ms", "time_2_ms"),
+        ("Time 1kHz [ms]", "Time 500Hz [ms]"),
+        ("t1/ms", "t2/ms"),
+        ("Time 1 [ms]", "Time 2"),
+        ("Voltage time [ms]", "Speed time [ms]"),
+        ("Time (ms) - drive", "Time (ms) - encoder"),
+    ],
+)
+def test_titles_of_times_differ_in_number_rate_and_channel(
+    tmp_path: Path, first: str, second: str
+) -> None:
+    """As pandas, catman, DIAdem and plots write them; a time without a unit has that of the first.
+
+    The speed has half the rate.
+    """
+    path = tmp_path / "run.csv"
+    frame = beside(second, "speed_rad_s", 2, scale=1e3)
+    frame["time_s"] *= 1e3
+    frame.rename(columns={"time_s": first}).to_csv(path, index=False)
+
+    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
+    assert np.allclose(read_run(path).speed, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "entry"),
+    [
+        ("Time", "Time [ms]", {"unit": "ms"}),
+        ("Time (1)", "Time (2)", {"unit": "ms"}),
+        ("X_Value", "X_Value", {"unit": "ms"}),
+        ("Sample", "Sample", {"scale": 1e-3}),
+    ],
+)
+def test_mapping_of_the_first_time_serves_all_groups(
+    tmp_path: Path, first: str, second: str, entry: dict[str, object]
+) -> None:
+    """Times without a unit, and counters; one of the groups may state its unit."""
+    path = tmp_path / "run.csv"
+    frame = beside("second", "speed_rad_s", 2, scale=1e3)
+    frame["time_s"] *= 1e3
+    names = {"time_s": first, "second": second}
+    frame.to_csv(path, index=False, header=[names.get(str(name), str(name)) for name in frame])
+
+    with pytest.raises(errors.RunFileError, match=re.escape(first)):
+        read_run(path)
+    run = read_run(path, mapping={"time_s": {"column": first, **entry}})
+
+    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
+    assert np.allclose(run.speed, expected, rtol=1e-12)
+
+
+START = pd.Timestamp("2026-03-01 23:59:59.97")
+
+
+@pytest.mark.parametrize(
+    ("form", "ending"),
+    [
+        *((form, "csv") for form in ("%H:%M:%S.%f", "%d.%m.%Y %H:%M:%S.%f", "%s.%f", "dates")),
+        *(("dates", ending) for ending in ("xlsx", "parquet", "frame")),
+    ],
+)
+def test_clocks_of_all_groups_have_one_zero(tmp_path: Path, form: str, ending: str) -> None:
+    """The speed starts 40 ms later, after midnight."""
+    frame, kept = beside("Time 2", "speed_rad_s", 1), slice(40, None)
+    dates = pd.Series(START + pd.to_timedelta(np.round(TIME * 1e6), unit="us"))
+    cells = dates if form == "dates" else dates.dt.strftime(form)
+    frame = frame.rename(columns={"time_s": "Time 1"}).astype({"Time 1": object, "Time 2": object})
+    unit = " [s]" if form == "%s.%f" else ""
+    frame["Time 1"] = cells
+    for name, values in (("Time 2", cells), ("speed_rad_s", pd.Series(SPEED))):
+        frame[name] = values[kept].reset_index(drop=True)
+    frame = frame.rename(columns={"Time 1": f"Time 1{unit}", "Time 2": f"Time 2{unit}"})
+    path = tmp_path / f"run.{ending}"
+    if ending == "csv":
+        frame.to_csv(path, index=False)
+    elif ending == "xlsx":
+        frame.to_excel(path, index=False)
+    elif ending == "parquet":
+        frame.to_parquet(path)
+
+    run = read_run(frame if ending == "frame" else path)
+
+    assert run.time - run.time[0] == pytest.approx(TIME[kept] - TIME[40], abs=1e-9)
+    assert run.speed == pytest.approx(SPEED[kept])
+    assert run.current == pytest.approx(RECORD["current_A"][kept])
+
+
+def test_variables_of_different_length_are_groups(tmp_path: Path) -> None:
+    """A struct of MATLAB with the times in front of their channels."""
+    path = tmp_path / "run.mat"
+    frame = beside("time2_s", "speed_rad_s", 2)
+    scipy.io.savemat(path, {"log": {name: frame[name].dropna().to_numpy() for name in frame}})
+
+    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
+    assert np.allclose(read_run(path).speed, expected, rtol=1e-12)
+
+
+def test_shorter_group_with_an_unknown_time_is_refused(tmp_path: Path) -> None:
+    """Its rows are not those of the voltage."""
+    path = tmp_path / "run.csv"
+    beside("abscissa", "speed_rad_s", 2).to_csv(path, index=False)
+
+    with pytest.raises(errors.MissingValue, match="only the first 30 of 60 rows have a value"):
+        read_run(path)
+
+
+def test_unit_of_a_second_time_is_checked(tmp_path: Path) -> None:
+    """Hours are no unit of a run file."""
+    path = tmp_path / "run.csv"
+    beside("Time 2 [h]", "speed_rad_s", 2).to_csv(path, index=False)
+
+    with pytest.raises(errors.UnknownUnit, match="the unit 'h' is unknown"):
+        read_run(path)
+
+
+def test_symbols_of_time_and_temperature_are_no_groups(tmp_path: Path) -> None:
+    """Only their case differs."""
+    path = tmp_path / "run.csv"
+    names = ["time_s", "voltage_V", "current_A", "temperature_degC", "speed_rad_s"]
+    symbols, units = "tUITn", ("s", "V", "A", "degC", "rad/s")
+    pd.DataFrame(RECORD)[names].to_csv(path, index=False, header=[*symbols])
+    mapping = {
+        name: {"column": symbol, "unit": unit}
+        for name, symbol, unit in zip(names, symbols, units, strict=True)
+    }
+
+    assert np.array_equal(read_run(path, mapping=mapping).speed, SPEED)
 
 
 def test_first_column_is_a_time_if_its_unit_is_one(tmp_path: Path) -> None:

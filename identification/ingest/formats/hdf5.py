@@ -179,11 +179,12 @@ class _Tree:
             if dataset.size > _MOST_NODES:
                 return ""
             return [self._node(self.opened[r]) for r in np.ravel(dataset[()]) if r]
-        if text_of(dataset.attrs.get("MATLAB_class", "")) == "char" or dataset.dtype.kind in "SO":
+        is_text = dataset.dtype.kind in "SO" and (dataset.ndim != 1 or dataset.size == 1)
+        if text_of(dataset.attrs.get("MATLAB_class", "")) == "char" or is_text:
             return _string(dataset)
         if dataset.dtype.names:
             return {name: _leaf(dataset, name) for name in dataset.dtype.names}
-        if dataset.dtype.kind not in "biuf":
+        if dataset.dtype.kind not in "biufSO":
             return ""
         names = next((dataset.attrs[k] for k in _COLUMN_NAMES if k in dataset.attrs), None)
         if dataset.ndim == 2 and names is not None and len(names) == dataset.shape[1]:
@@ -199,13 +200,16 @@ def _leaf(dataset: h5py.Dataset, part: str | int | None = None) -> Leaf:
     shape = dataset.shape if part is None else dataset.shape[:1]
     if part is None and "MATLAB_class" in dataset.attrs:
         shape = shape[::-1]
-    return Leaf(tuple(shape), partial(_cells, dataset, part), unit)
+    is_text = dataset.dtype.kind in "SO"
+    return Leaf(tuple(shape), partial(_cells, dataset, part), unit, is_text)
 
 
 def _cells(dataset: h5py.Dataset, part: str | int | None) -> NDArray[np.generic]:
     with decoding(_WHAT):
-        if isinstance(part, str):
-            return np.asarray(dataset[part])
+        if isinstance(part, str) or dataset.dtype.kind in "SO":
+            found = np.asarray(dataset[part or ()])
+            is_text = found.dtype.kind in "SO"
+            return np.array([*map(text_of, found)], dtype=object) if is_text else found
         if part is not None:
             return np.asarray(dataset[:, part])
         cells = np.asarray(dataset[()])

@@ -23,6 +23,7 @@ from identification.ingest.clocks import Signal, SignalTable, joined
 from identification.ingest.columns import describe_column
 from identification.ingest.file import RunFile
 from identification.ingest.reader import SourceTable, TableSet
+from identification.ingest.text.long import roles_of
 
 __all__ = ["Leaf", "Node", "Opaque", "number_of", "tables_of"]
 
@@ -51,12 +52,14 @@ _MOST_VECTORS = 64
 
 @dataclass(frozen=True)
 class Leaf:
-    """Numeric array."""
+    """Array of numbers or texts."""
 
     shape: tuple[int, ...]
     load: Callable[[], ArrayLike]
     unit: str = ""
     """Unit from its attributes; empty if there is none."""
+    is_text: bool = False
+    """True for texts, such as the names of a table with one signal per row."""
 
     @property
     def length(self) -> int:
@@ -151,8 +154,11 @@ class _Walk:
             signal = self._signal(named, unit or _unit(node) or data.unit, time, data)
             self.signals.setdefault(group or _TOP, []).append(signal)
             return
+        is_long = roles_of(list(node)) is not None
         vectors = {
-            name: child for name, child in node.items() if isinstance(child, Leaf) and child.length
+            name: child
+            for name, child in node.items()
+            if isinstance(child, Leaf) and child.length and (is_long or not child.is_text)
         }
         vectors |= _clock(node, keys, vectors)
         vectors |= {

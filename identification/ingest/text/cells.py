@@ -12,6 +12,7 @@ from identification.ingest.display import quoted
 __all__ = [
     "ClockTimes",
     "LongTimes",
+    "clock_of",
     "expected_instead",
     "is_clock",
     "is_number",
@@ -41,6 +42,8 @@ _TIME = re.compile(
 )
 _YEAR_FIRST = re.compile(r"(?P<y>\d{4})[./-](?P<m>\d{1,2})[./-](?P<d>\d{1,2})", re.ASCII)
 _DAY_FIRST = re.compile(r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})", re.ASCII)
+# No elapsed time; the year 2001.
+_SINCE_1970_S = 1e9
 _SECOND = 1_000_000_000
 _DAY = 86_400 * _SECOND
 
@@ -116,6 +119,20 @@ def is_whole_second(cell: str) -> bool:
     return match is not None and match["fraction"] is None
 
 
+def clock_of(cell: str, seconds: float, first: str = "") -> ClockTimes | LongTimes | None:
+    """Reader of times of day or since 1970 by their first cell; None for other cells.
+
+    Args:
+        cell: First time.
+        seconds: Unit of a time that is a number [s].
+        first: First time of another column, from which the times are counted.
+    """
+    number = number_text(cell.replace(",", "."), ".")
+    if number is not None and float(number) * seconds >= _SINCE_1970_S:
+        return LongTimes(first or number)
+    return ClockTimes(first) if is_time_of_day(cell) else None
+
+
 class LongTimes:
     """Reader of times since 1970, which have more digits than a floating point number.
 
@@ -126,7 +143,7 @@ class LongTimes:
     """
 
     def __init__(self, first: str) -> None:
-        number = decimal.Decimal(first)
+        number = decimal.Decimal(first.replace(",", "."))
         self._base = number - number % decimal.Decimal(10) ** (number.adjusted() - 4)
 
     def seconds(self, cell: str) -> float | None:
@@ -143,13 +160,17 @@ class ClockTimes:
 
     Times are counted in whole nanoseconds, which a floating point number of seconds since 1970
     loses.
+
+    Args:
+        first: First time of another column, from which the times are counted.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, first: str = "") -> None:
         self._first: int | None = None
         self._last = 0
         self._days = 0
         self._date = ""
+        self.seconds(first)
 
     def seconds(self, cell: str) -> float | None:
         """Seconds from the first cell to this one [s]; None if the cell is no time of day.

@@ -65,7 +65,8 @@ def read_times(
     cells = (
         b"".join(line.split(delimiter)[at : at + 1]).decode("utf-8", "replace") for line in lines
     )
-    times = [clock.seconds(cell.strip()) for cell in cells]
+    blank = np.nan if time.may_end else None
+    times = [clock.seconds(cell) if (cell := one.strip()) else blank for one in cells]
     return None if None in times else np.array(times, dtype=np.float64)
 
 

@@ -3,35 +3,38 @@
     time;signal name;value          as CANalyzer, CANoe, iba and databases export
     _time,_value,_field             as InfluxDB, perhaps with the header again above each field
     VarName;TimeString;VarValue     as WinCC archives, whose Time_ms counts 1e-6 days
+    timestamp, tag, value, unit     as databases give in a DataFrame, in Parquet or in HDF5
 
 The samples of each name are a channel with a clock of its own, as in TDMS or MDF.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from identification.arrays import Array
 from identification.errors import NoRows, NotANumber, RaggedRow
+from identification.ingest.cells import numbers
 from identification.ingest.clocks import Signal, SignalTable
-from identification.ingest.columns import describe_column
+from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import plain, quoted
 from identification.ingest.names import is_channel_name
 from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import (
     ClockTimes,
-    is_time_of_day,
+    clock_of,
     is_whole_second,
     number_text,
     split_cells,
 )
 
-__all__ = ["is_long", "long_table", "values_of"]
+__all__ = ["Roles", "is_long", "long_table", "read_long", "roles_of", "values_of"]
 
 _NAMES = "signal,signal name,signalname,name,varname,variable,channel,tag,field".split(",")
 _VALUES = ("value", "varvalue", "wert")
@@ -43,14 +46,26 @@ _WINCC_S = 86_400.0e-6
 
 
 @dataclass(frozen=True)
-class _Header:
-    """Header of such a table: its delimiter, its cells, and the columns of name, value and unit."""
+class Roles:
+    """Columns of such a table by position."""
 
-    delimiter: str
-    cells: list[str]
     name: int
     value: int
     unit: int | None
+    times: tuple[int, ...]
+
+
+def roles_of(titles: Sequence[str]) -> Roles | None:
+    """Columns by their titles; None if there is no time, name or value."""
+    words = [title.casefold().strip("_") for title in titles]
+    name, value, unit = (
+        next((k for k, word in enumerate(words) if word in known), None)
+        for known in (_NAMES, _VALUES, _UNITS)
+    )
+    times = tuple(k for k, title in enumerate(titles) if _is_time(title))
+    if name is None or value is None or not times or sum(map(is_channel_name, titles)) > 2:
+        return None
+    return Roles(name, value, unit, times)
 
 
 def is_long(block: Block) -> bool:
@@ -58,7 +73,7 @@ def is_long(block: Block) -> bool:
     return any(map(_header, block.head[:_TITLES]))
 
 
-def long_table(every: Iterable[Block], file: str) -> SignalTable:
+def read_long(every: Iterable[Block], file: str) -> SignalTable:
     """Read all rows into one signal for each name.
 
     Raises:
@@ -68,20 +83,18 @@ def long_table(every: Iterable[Block], file: str) -> SignalTable:
     """
     blocks = list(every)
     lines = (one for block in blocks for one in enumerate(block.lines, block.first_line))
-    header = next(filter(None, (_header(line) for _, line in lines)))
+    delimiter, titles = next(filter(None, (_header(line) for _, line in lines)))
     rows = {
         number: cells
         for number, line in lines
         if line.strip()
         and not line.startswith(_ANNOTATIONS)
         # The header stands again above each field of InfluxDB.
-        and (cells := split_cells(line, header.delimiter)) != header.cells
+        and (cells := split_cells(line, delimiter)) != titles
     }
-    if not rows:
-        raise NoRows("no row below the header; expected one for each sample")
-    count = len(header.cells)
+    count = len(titles)
     warnings: tuple[RunWarning, ...] = ()
-    if not blocks[-1].terminated and len(rows[max(rows)]) < count:
+    if rows and not blocks[-1].terminated and len(rows[max(rows)]) < count:
         rows.pop(cut := max(rows))
         text = "the last line is truncated, probably by a loss of power; it is omitted"
         warnings = (RunWarning("truncated_last_row", text, file, cut),)
@@ -93,36 +106,59 @@ def long_table(every: Iterable[Block], file: str) -> SignalTable:
                 row=number,
                 value=f"{len(cells)} cells",
             )
-    times, unit = _times(header, rows)
-    signals: dict[str, dict[int, str]] = {}
-    for number, cells in rows.items():
-        signals.setdefault(cells[header.name], {})[number] = cells[header.value]
+    table = np.array([cells[:count] for cells in rows.values()], dtype=object)
+    table = table.reshape(-1, count)
+    columns = [describe_column(k, [title]) for k, title in enumerate(titles)]
+    return long_table(columns, lambda c: table[:, c.index], file, list(rows), warnings)
+
+
+def long_table(
+    columns: Sequence[Column],
+    load: Callable[[Column], ArrayLike],
+    file: str,
+    rows: Sequence[int] | int,
+    warnings: tuple[RunWarning, ...] = (),
+) -> SignalTable:
+    """One signal for each name in a table with the columns of `roles_of`.
+
+    `load` gives the cells (n_row,) of a column: numbers, dates or texts.  `rows` are the rows in
+    the file, or the first of them.
+
+    Raises:
+        NoRows: The table has no row.
+        NotANumber: A time is neither a number nor a time of day.
+    """
+    roles = roles_of([column.title for column in columns])
+    assert roles is not None
+    names = np.asarray(load(columns[roles.name]))
+    if not names.size:
+        raise NoRows("no row below the header; expected one for each sample")
+    numbered = range(rows, rows + names.size) if isinstance(rows, int) else rows
+    times, unit = _times(columns, roles, load, numbered)
+    values = np.asarray(load(columns[roles.value]))
+    units = None if roles.unit is None else np.asarray(load(columns[roles.unit]))
+    signals: dict[str, list[int]] = {}
+    for row, name in enumerate(names):
+        signals.setdefault(str(name), []).append(row)
     found = [
         Signal(
             (name,),
-            "" if header.unit is None else rows[next(iter(values))][header.unit],
-            partial(np.array, [times[number] for number in values]),
-            partial(values_of, name, values),
-            rows=list(values).__getitem__,
+            "" if units is None else str(units[at[0]]),
+            partial(np.take, times, at),
+            partial(_loaded, name, values, at, numbered),
+            rows=[numbered[row] for row in at].__getitem__,
         )
-        for name, values in signals.items()
+        for name, at in signals.items()
     ]
     return SignalTable(found, file, warnings, unit)
 
 
-def _header(line: str) -> _Header | None:
-    """Header in a line; None if one of time, name and value is missing."""
+def _header(line: str) -> tuple[str, list[str]] | None:
+    """Delimiter and cells of a header line; None for any other line."""
     for delimiter in ";,\t":
         cells = split_cells(line.lstrip("\ufeff"), delimiter)
-        words = [cell.casefold().strip("_") for cell in cells]
-        name, value, unit = (
-            next((k for k, word in enumerate(words) if word in known), None)
-            for known in (_NAMES, _VALUES, _UNITS)
-        )
-        if name is None or value is None or not any(map(_is_time, cells)):
-            continue
-        if sum(map(is_channel_name, cells)) <= 2:
-            return _Header(delimiter, cells, name, value, unit)
+        if roles_of(cells) is not None:
+            return delimiter, cells
     return None
 
 
@@ -130,23 +166,39 @@ def _is_time(title: str) -> bool:
     return title.casefold() == "timestring" or describe_column(0, [title]).quantities == {"time"}
 
 
-def _times(header: _Header, rows: Mapping[int, list[str]]) -> tuple[dict[int, float], str]:
-    """Time of each row by its line number, and their unit, blank if the file does not give it.
+def _times(
+    columns: Sequence[Column],
+    roles: Roles,
+    load: Callable[[Column], ArrayLike],
+    rows: Sequence[int],
+) -> tuple[Array, str]:
+    """Time of each row (n_row,), and their unit, blank if the file does not give it.
 
     A number precedes a time of day without a fraction.
     """
-    first = next(iter(rows.values()))
-    candidates = [k for k, title in enumerate(header.cells) if _is_time(title)]
-    at = min(candidates, key=lambda k: is_whole_second(first[k]))
-    title, cells = header.cells[at], {number: row[at] for number, row in rows.items()}
-    if is_time_of_day(first[at]):
-        clock = ClockTimes()
-        return dict(zip(cells, _numbers(title, cells, clock.seconds), strict=True)), "s"
-    times, unit = values_of(title, cells), describe_column(0, [title]).unit
+    every = {k: np.asarray(load(columns[k])) for k in roles.times}
+    at = min(roles.times, key=lambda k: is_whole_second(str(every[k][0])))
+    column, cells = columns[at], every[at]
+    unit = column.unit
     factor = 1.0 if unit is None else unit.factor
-    if header.cells[header.name].casefold() == "varname":
+    clock = clock_of(str(cells[0]), factor) if cells.dtype.kind == "O" else None
+    if clock is None:
+        times = _loaded(column.title, cells, range(cells.size), rows)
+    else:
+        texts = dict(zip(rows, map(str, cells), strict=True))
+        times = np.array(_numbers(column.title, texts, clock.seconds))
+    if isinstance(clock, ClockTimes):
+        return times, "s"
+    if columns[roles.name].title.casefold() == "varname":
         times, factor = times - times[0], _WINCC_S
-    return dict(zip(cells, (times * factor).tolist(), strict=True)), "" if unit is None else "s"
+    return times * factor, "" if unit is None else "s"
+
+
+def _loaded(name: str, cells: NDArray[np.generic], at: Sequence[int], rows: Sequence[int]) -> Array:
+    """Numbers of some cells, which may be texts."""
+    if cells.dtype.kind == "O":
+        return values_of(name, {rows[row]: str(cells[row]) for row in at})
+    return numbers(cells[at], describe_column(0, [name]))
 
 
 def values_of(name: str, cells: Mapping[int, str]) -> Array:

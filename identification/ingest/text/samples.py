@@ -34,9 +34,9 @@ from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import (
     ClockTimes,
     LongTimes,
+    clock_of,
     expected_instead,
     is_number_word,
-    is_time_of_day,
     number_text,
     split_cells,
 )
@@ -50,8 +50,6 @@ __all__ = ["SampleReader"]
 _LINES_BEFORE = 20
 _BYTES_BEFORE = 20_000
 _PIECE_BYTES = 100_000
-# No elapsed time; the year 2001.
-_SINCE_1970_S = 1e9
 _OF_A_CUT_LINE = (RaggedRow, NotANumber, MissingValue, UnclosedQuote)
 
 
@@ -92,8 +90,7 @@ class SampleReader:
         """Decimal sign of the file, or None until a number has shown it."""
         self._blank_line: int | None = None
         """Line number of the first row of the last blank rows, or None."""
-        time = next((c for c in channels if c.name == "time_s"), None)
-        self._clock = None if time is None else _clock(time, layout)
+        self._clocks = _clocks(channels, layout)
         self._layout = layout
         self._channels = channels
         self._parts: list[list[Array]] = [[] for _ in channels]
@@ -140,12 +137,14 @@ class SampleReader:
 
     def _clean(self, text: bytes) -> list[Array] | None:
         """Columns of a clean block; the first decimal sign found applies to the whole file."""
-        clock, times, numeric, at = copy.copy(self._clock), None, [*self._channels], 0
-        if clock is not None:
-            at = [channel.name for channel in self._channels].index("time_s")
-            times = read_times(text, self._layout, numeric.pop(at), clock)
-            if times is None:
+        clocks = {name: copy.copy(clock) for name, clock in self._clocks.items()}
+        times: dict[str, Array] = {}
+        for time in (c for c in self._channels if c.name in clocks):
+            cells = read_times(text, self._layout, time, clocks[time.name])
+            if cells is None:
                 return None
+            times[time.name] = cells
+        numeric = [c for c in self._channels if c.name not in clocks]
         known = self._decimal
         is_comma_free = self._layout.delimiter != ","
         if known == "," and not is_comma_free:
@@ -155,13 +154,13 @@ class SampleReader:
             columns = read_clean(text, self._layout, numeric, decimal)
             if columns is not None:
                 is_seen = decimal.encode() in text
-                if times is not None:
+                if times:
                     # The times may have another decimal sign.
                     is_seen = any(np.any(cells % 1.0 > 0.0) for cells in columns)
-                    self._clock = clock
-                    columns.insert(at, times)
+                    self._clocks = clocks
                 self._decimal = decimal if is_seen else known
-                return columns
+                found = times | dict(zip((c.name for c in numeric), columns, strict=True))
+                return [found[channel.name] for channel in self._channels]
         return None
 
     def _read_unterminated(self, text: bytes, line: int, before: list[bytes]) -> None:
@@ -278,8 +277,8 @@ class SampleReader:
             if channel.may_lack:
                 return math.nan
             raise blank_cell(channel, line)
-        if self._clock is not None and channel.name == "time_s":
-            seconds = self._clock.seconds(cell)
+        if channel.name in self._clocks:
+            seconds = self._clocks[channel.name].seconds(cell)
             if seconds is None:
                 raise NotANumber(
                     f"{quoted(cell)} is no time like that of the first sample, "
@@ -318,22 +317,26 @@ def _pieces(text: bytes) -> Iterator[bytes]:
         start = end
 
 
-def _clock(time: Channel, layout: Layout) -> ClockTimes | LongTimes | None:
-    """Reader of times of day, which the mapping must not scale, or since 1970; None for others."""
-    cell = layout.sample[time.column.index] if time.column.index < len(layout.sample) else ""
-    number = number_text(cell.replace(",", "."), ".")
-    if (
-        number
-        and not time.offset
-        and float(number) * time.scale * time.unit.factor >= _SINCE_1970_S
-    ):
-        return LongTimes(number)
-    if not is_time_of_day(cell):
-        return None
-    if (time.unit.name, time.scale, time.offset) != ("s", 1.0, 0.0):
-        raise WrongUnit(
-            "the cells are times of day, which are read in seconds; remove unit, scale and offset "
-            "from the mapping",
-            column=time.column.label,
-        )
-    return ClockTimes()
+def _clocks(channels: Sequence[Channel], layout: Layout) -> dict[str, ClockTimes | LongTimes]:
+    """Readers of times of day, or since 1970, by channel; all count from the same time.
+
+    Raises:
+        WrongUnit: The mapping scales times of day.
+    """
+    clocks: dict[str, ClockTimes | LongTimes] = {}
+    first = ""
+    for time in (channel for channel in channels if channel.unit.quantity == "time"):
+        cell = layout.sample[time.column.index] if time.column.index < len(layout.sample) else ""
+        seconds = 0.0 if time.offset else time.scale * time.unit.factor
+        clock = clock_of(cell, seconds, first)
+        is_scaled = (time.unit.name, time.scale, time.offset) != ("s", 1.0, 0.0)
+        if isinstance(clock, ClockTimes) and is_scaled:
+            raise WrongUnit(
+                "the cells are times of day, which are read in seconds; remove unit, scale and "
+                "offset from the mapping",
+                column=time.column.label,
+            )
+        if clock is not None:
+            clocks[time.name] = clock
+            first = first or cell
+    return clocks
