@@ -139,7 +139,7 @@ def _numbered(columns: Sequence[Column]) -> list[Column]:
         column
         for column in columns
         if not column.quantities
-        and not any(map(is_setpoint, column.texts))
+        and not any(is_setpoint(t) or similar_to(t, "temperature") for t in column.texts)
         and (
             column.unit.quantity == "voltage"
             if column.unit is not None

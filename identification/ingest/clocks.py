@@ -29,9 +29,19 @@ from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning
 from identification.ingest.timing import find_gaps
 
-__all__ = ["Signal", "SignalTable", "apart", "is_apart", "joined"]
+__all__ = [
+    "Signal",
+    "SignalTable",
+    "apart",
+    "brought_together",
+    "is_apart",
+    "joined",
+    "refuse_shorter",
+]
 
 _RATE_RATIO = 1.5
+_ROUNDED = 1e-6
+"""Difference of two times over the sample interval that is a rounding error."""
 _MEASURED = ("voltage_V", "current_A", "speed_rad_s")
 _HELD = ("voltage_V", "duty", "bus_voltage_V")
 _FEWEST_BLANKS = 1.0 / 3.0
@@ -187,7 +197,7 @@ def apart(samples: Samples, channels: Sequence[Channel], file: str) -> Samples:
     """
     if samples.methods:
         return samples
-    _refuse_shorter(samples, channels)
+    refuse_shorter(samples, channels)
     used = [channel for channel in channels if channel.name != "time_s"]
     time = next((channel for channel in channels if channel.name == "time_s"), None)
     cells = [samples.cells[channel.name] for channel in used]
@@ -196,25 +206,51 @@ def apart(samples: Samples, channels: Sequence[Channel], file: str) -> Samples:
     )
     if time is None or is_one_clock:
         return samples
-    signals = []
-    for values in cells:
-        at = np.flatnonzero(~np.isnan(values) | np.all(np.isnan(values)))
-        clock = partial(np.take, samples.cells["time_s"], at)
-        rows = partial(_row, samples.row, at)
-        signals.append(Signal((), "", clock, partial(np.take, values, at), rows=rows))
-    table = SignalTable(
-        signals, file, samples.warnings, time.unit.name if time.scale == 1.0 else ""
-    )
+    rows = [np.flatnonzero(~np.isnan(x) | np.all(np.isnan(x))) for x in cells]
+    own = [(samples.cells["time_s"], at) for at in rows]
+    return brought_together(samples, used, own, time, file)
+
+
+def brought_together(
+    samples: Samples,
+    used: Sequence[Channel],
+    own: Sequence[tuple[Array, NDArray[np.intp]]],
+    time: Channel,
+    file: str,
+) -> Samples:
+    """Channels of a table on one clock.
+
+    Args:
+        samples: Cells of the table.
+        used: Its channels other than the time.
+        own: Times (n_row,) of each of them, and the rows that have a value.
+        time: Channel of the time, which gives the unit.
+        file: Name of the file in messages.
+    """
+    signals = [
+        Signal(
+            (),
+            "",
+            partial(np.take, clock, rows),
+            partial(np.take, samples.cells[channel.name], rows),
+            rows=partial(_row, samples.row, rows),
+        )
+        for channel, (clock, rows) in zip(used, own, strict=True)
+    ]
+    unit = time.unit.name if time.scale == 1.0 else ""
+    table = SignalTable(signals, file, samples.warnings, unit)
+    columns = [dataclasses.replace(c.column, index=k) for k, c in enumerate(used, 1)]
     return table.read(
-        [
-            dataclasses.replace(c, column=dataclasses.replace(c.column, index=k))
-            for k, c in enumerate(used, 1)
-        ]
+        [dataclasses.replace(c, column=one) for c, one in zip(used, columns, strict=True)]
     )
 
 
-def _refuse_shorter(samples: Samples, channels: Sequence[Channel]) -> None:
-    """Reject a channel with values in the first rows only, as of a group with times of its own."""
+def refuse_shorter(samples: Samples, channels: Sequence[Channel]) -> None:
+    """Reject a channel with values in the first rows only, as of a group with times of its own.
+
+    Raises:
+        MissingValue: There is one.
+    """
     for channel in channels:
         cells = samples.cells[channel.name]
         count = int(np.count_nonzero(~np.isnan(cells)))
@@ -273,7 +309,9 @@ def _covered(time: Array, clock: Array) -> NDArray[np.bool_]:
 def _brought(cells: Array, clock: Array, time: Array, channel: Channel) -> Array:
     """Samples of a channel at the times of another clock."""
     if _is_held(channel):
-        return cells[np.searchsorted(clock, time, side="right") - 1]
+        # Times in another unit differ by rounding, and a step must not come a sample late.
+        rounding = _ROUNDED * float(clock[-1] - clock[0]) / clock.size
+        return cells[np.searchsorted(clock, time + rounding, side="right") - 1]
     blank = np.isnan(cells)
     if channel.may_be_blank and np.any(blank) and not np.all(blank):
         clock, cells = clock[~blank], cells[~blank]

@@ -40,6 +40,7 @@ __all__ = [
     "unknown_unit",
 ]
 
+_SHOWN = 6
 # Entries of a units row that mean no unit.
 _NO_UNIT = ("", "-", "--", "1", "none", "n/a")
 
@@ -181,9 +182,10 @@ def unknown_unit(name: str, column: Column, accepted: str) -> RunFileError:
 
 def duplicate_columns(columns: Sequence[Column]) -> RunFileError:
     """Error for columns with the same name."""
-    positions = ", ".join(str(column.index + 1) for column in columns)
+    positions = ", ".join(str(column.index + 1) for column in columns[:_SHOWN])
+    more = f" and {len(columns) - _SHOWN} more" if len(columns) > _SHOWN else ""
     return DuplicateColumn(
-        f"the columns {positions} have the same name; rename all except the one to use",
+        f"the columns {positions}{more} have the same name; rename all except the one to use",
         column=columns[0].label,
     )
 

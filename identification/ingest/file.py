@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import hashlib
 import io
+import lzma
 import os
 import stat
+import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +23,13 @@ __all__ = ["Limits", "RunFile", "naming", "open_run_file", "unpacked"]
 
 _CHUNK_BYTES = 8 << 20
 _HEAD_BYTES = 1 << 16
-_GZIP = b"\x1f\x8b"
+_Packed = gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile | zipfile.ZipExtFile
+_COMPRESSIONS: tuple[tuple[bytes, str, Callable[[BinaryIO], _Packed]], ...] = (
+    (b"\x1f\x8b", ".gz", lambda stream: gzip.GzipFile(fileobj=stream)),
+    (b"BZh91AY&SY", ".bz2", bz2.BZ2File),
+    (b"\xfd7zXZ\x00", ".xz", lzma.LZMAFile),
+)
+"""First bytes, ending and decompressor."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +60,7 @@ class RunFile:
         FileTooLarge: The file exceeds the limit of bytes; also raised while it is read.
     """
 
-    def __init__(self, stream: BinaryIO | gzip.GzipFile, name: str, limits: Limits) -> None:
+    def __init__(self, stream: BinaryIO | _Packed, name: str, limits: Limits) -> None:
         self.name = name
         self.limits = limits
         self._stream = stream
@@ -74,7 +83,7 @@ class RunFile:
 
         The file is hashed first; compressed content is unpacked into memory, within the limit.
         """
-        if isinstance(self._stream, gzip.GzipFile):
+        if isinstance(self._stream, _Packed):
             return io.BytesIO(self.content())
         self.sha256()
         self._stream.seek(0)
@@ -92,14 +101,16 @@ class RunFile:
 
     def _read(self) -> bytes:
         """Read, hash and count one chunk; a file may grow while it is read."""
-        size = max(os.fstat(self._stream.fileno()).st_size, self._total)
+        size = self._total
+        if not isinstance(self._stream, _Packed):
+            size = max(os.fstat(self._stream.fileno()).st_size, size)
         if size > self.limits.bytes:
             raise FileTooLarge(
                 f"{size} bytes are more than the limit of {self.limits.bytes}; "
                 "split the file or record at a lower rate",
                 value=size,
             )
-        with _as_unreadable():
+        with _as_damaged() if isinstance(self._stream, _Packed) else _as_unreadable():
             chunk = self._stream.read(_CHUNK_BYTES)
         self._total += len(chunk)
         self._ended = not chunk
@@ -108,14 +119,15 @@ class RunFile:
 
 
 def unpacked(file: RunFile) -> RunFile:
-    """The content of a gzip-compressed file, without the ending ``.gz``; any other file itself.
+    """The content of a file compressed with gzip, bzip2 or xz; any other file itself.
 
-    The limits apply to the unpacked content, which is unpacked as it is read.
+    The name loses its ending.  The limits apply to the content, which is unpacked as it is read.
     """
-    if not file.head.startswith(_GZIP):
-        return file
-    name = file.name[:-3] if file.name.lower().endswith(".gz") else file.name
-    return RunFile(gzip.GzipFile(fileobj=file.seekable()), name, file.limits)
+    for signature, ending, opened in _COMPRESSIONS:
+        if file.head.startswith(signature):
+            name = file.name[: -len(ending)] if file.name.lower().endswith(ending) else file.name
+            return RunFile(opened(file.seekable()), name, file.limits)
+    return file
 
 
 @contextmanager
@@ -151,14 +163,21 @@ def naming(file: str | None) -> Iterator[None]:
 
 
 @contextmanager
+def _as_damaged() -> Iterator[None]:
+    """Turn an error of a decompressor into an error with its reason."""
+    try:
+        yield
+    except (OSError, EOFError, lzma.LZMAError, zipfile.BadZipFile, zlib.error) as error:
+        raise DamagedFile(
+            f"the compression is damaged ({error}); copy or compress the file again"
+        ) from error
+
+
+@contextmanager
 def _as_unreadable() -> Iterator[None]:
     """Turn an error of the operating system into an error with its reason."""
     try:
         yield
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise DamagedFile(
-            f"the gzip compression is damaged ({error}); copy or compress the file again"
-        ) from error
     except (OSError, ValueError) as error:
         # ValueError: the path itself holds a NUL.
         reason = getattr(error, "strerror", None) or "the path is not valid"

@@ -57,8 +57,8 @@ _NAME_LISTS = {
     "duty": "duty, duty cycle, dutycycle, duty ratio, pwm, pwm duty, pwm duty cycle, tastgrad, "
     "tastverhältnis, aussteuerung",
     "bus voltage": "bus voltage, v bus, u bus, link voltage, supply voltage, battery voltage, "
-    "vbus, ubus, vdc, udc, vbat, ubat, vsupply, zwischenkreisspannung, versorgungsspannung, "
-    "batteriespannung",
+    "input voltage, vbus, ubus, vdc, udc, vbat, ubat, vsupply, zwischenkreisspannung, "
+    "versorgungsspannung, batteriespannung",
 }
 NAMES = {quantity: tuple(names.split(", ")) for quantity, names in _NAME_LISTS.items()}
 """Accepted names of each quantity, in lower case; docs/run-files.md prints them."""
@@ -88,6 +88,8 @@ LONGEST_CELL = 1000
 """Longest accepted header cell [characters]; a longer one is rejected with its row and column."""
 
 _CANONICAL = {name.casefold(): name for name in CHANNEL_QUANTITIES}
+# VESC Tool: milliseconds since midnight.
+_DEVICES = {"ms_today": "time_ms"}
 _OPENING, _CLOSING = "[({<", "])}>"
 # Neither pattern can match in two ways from one start position: matching time is linear.
 _BOUNDARY = re.compile(r"[\s_.\-]+|(?<=[a-z])(?=[A-Z°])")
@@ -114,6 +116,7 @@ def read_header(text: str) -> HeaderText:
     if len(text) > LONGEST_CELL:
         return HeaderText()
     text = " ".join(text.strip().strip("'").split())
+    text = _DEVICES.get(text.casefold(), text)
     channel = _CANONICAL.get(text.casefold())
     if channel is not None:
         quantity = frozenset({CHANNEL_QUANTITIES[channel]})
@@ -192,7 +195,8 @@ def similar_to(text: str, quantity: str) -> bool:
 
 
 # Three letters within a word are those of another one: sample, timestamp, accuracy, level.
-_STEMS = {"current": ["cur", "amps", "amper"]}
+# ODrive: Iq_measured, the current of the torque.
+_STEMS = {"current": ["cur", "amps", "amper", "iq"]}
 _FRAGMENTS = {
     "voltage": ("volt",),
     "current": ("current",),

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.arrays import Array
-from identification.errors import MissingValue, NotFinite
+from identification.errors import MissingValue, NotFinite, RunFileError
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
 from identification.ingest.display import quoted
 from identification.ingest.faults import Faults
 from identification.ingest.file import RunFile
-from identification.ingest.run import RunWarning
+from identification.ingest.run import RunWarning, SourceLocator
+from identification.ingest.timing import check_time
 
 __all__ = [
     "ArrayTable",
@@ -148,12 +149,22 @@ def refuse_not_finite(
         faults: Faults that were found before, which are reported with these.
     """
     faults = faults or Faults()
-    for channel in channels:
-        values = cells[channel.name]
+    used = {channel.name: channel for channel in channels}
+    for name, channel in used.items():
+        values = cells[name]
         blank = np.isnan(values)
         faulty = np.isinf(values) if channel.may_be_blank else np.isinf(values) | blank
         for sample in np.flatnonzero(faulty).tolist():
             at = row(sample)
             infinite = not_finite(str(values[sample]), channel, at)
             faults.add(blank_cell(channel, at) if blank[sample] else infinite)
+    time = used.get("time_s")
+    if time is not None and faults.errors():
+        # The times are checked later if the cells are sound.
+        seconds = cells["time_s"] * (time.scale * time.unit.factor)
+        try:
+            check_time(seconds, SourceLocator("", {"time_s": time.column.label}, row))
+        except RunFileError as error:
+            error.file = None
+            faults.add(error)
     faults.refuse()

@@ -20,7 +20,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.errors import DuplicateColumn, InputError, MissingColumn, RunFileError
 from identification.ingest.channels import Channel, assign_channels
-from identification.ingest.clocks import Signal, SignalTable, is_apart, joined
+from identification.ingest.clocks import Signal, SignalTable, is_apart, joined, refuse_shorter
 from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
 from identification.ingest.faults import collected, refuse_all
@@ -137,6 +137,7 @@ def _content(file: RunFile, clock: ChannelMapping | None, errors: list[RunFileEr
     (time,) = times
     values = [Channel(f"signal {c.index}", c, c.unit or canonical_unit("duty")) for c in columns]
     samples = table.read([*requested({"time_s": time}), *values])
+    refuse_shorter(samples, [value for value in values if value.column.unit_texts])
     locator = SourceLocator(file.name, {"time_s": time.column.label}, samples.row)
     read, _ = supplied(samples, {"time_s": time}, locator)
     seconds = time.unit.factor * (read.cells["time_s"] * time.scale + time.offset)

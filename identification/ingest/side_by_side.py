@@ -13,20 +13,19 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from functools import partial
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.arrays import Array, Bool
 from identification.errors import NoRows
 from identification.ingest.cells import ColumnTable
 from identification.ingest.channels import Channel, header_unit
-from identification.ingest.clocks import Signal, SignalTable
+from identification.ingest.clocks import brought_together
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.frame import Frame
+from identification.ingest.names import is_sample_number
 from identification.ingest.reader import Samples, SourceTable, TableSet, blank_cell
 from identification.ingest.text.long import long_table, roles_of
 from identification.ingest.units import Unit, find_unit
@@ -34,6 +33,7 @@ from identification.ingest.units import Unit, find_unit
 __all__ = ["with_own_clocks"]
 
 _WORD: Final = re.compile(r"[^\W\d_]+")
+_ABSCISSAE: Final = ("x", "x value", "x values", "abscissa")
 _NO_UNIT: Final = re.compile(r"[\d.]+ ?(k?hz)?", re.IGNORECASE)
 """Number or rate in the brackets of a title."""
 _ROUNDED: Final = 1e-3
@@ -54,10 +54,15 @@ def _grouped(table: SourceTable, file: str) -> SourceTable:
         return long_table(columns, table.load, file, 1 if isinstance(table, ColumnTable) else 0)
     named = [_named(column, columns[k : k + 1]) for k, column in enumerate(columns, 1)]
     places = [k for k, column in enumerate(columns) if column.is_time or _is_time(named[k])]
-    if not (places or columns[0].quantities or columns[0].unit_texts):
+    if columns[0].texts and not (places or columns[0].quantities or columns[0].unit_texts):
         # X_Value or a counter in front of each channel; a mapping gives its unit or interval.
-        places = [k for k, column in enumerate(named) if column.texts == named[0].texts]
-    has_groups = len(places) > 1 and places[0] == 0 and len({named[k].texts for k in places}) == 1
+        first = named[0].title
+        is_known = first.casefold() in _ABSCISSAE or is_sample_number(first)
+        titled = named if is_known else columns
+        places = [k for k, column in enumerate(titled) if column.texts == titled[0].texts]
+    is_numbered = len(places) == 1 and "time" not in columns[0].quantities and _is_time(named[0])
+    has_groups = len(places) > 1 or is_numbered
+    has_groups &= places[:1] == [0] and len({named[k].texts for k in places}) == 1
     if not has_groups or any(b - a < 2 for a, b in pairwise([*places, len(columns)])):
         return table
     times = (dataclasses.replace(named[k], texts=columns[k].texts) for k in places)
@@ -119,7 +124,8 @@ class _SideBySide:
         groups = [self._group(channel.column) for channel in used]
         needed = sorted(set(groups))
         clocks = [Channel(f"time {k}", self.times[k], self._unit(k, time)) for k in needed]
-        found = self.table.read([_in_group(c) for c in (*clocks, *used)])
+        read = [dataclasses.replace(c, may_end=True) for c in (*clocks, *used)]
+        found = self.table.read(read)
         length = max(cells.size for cells in found.cells.values())
         for name, cells in found.cells.items():
             found.cells[name] = np.append(cells, np.full(length - cells.size, np.nan))
@@ -131,18 +137,14 @@ class _SideBySide:
         times = {k: _same(clock, times[needed[0]]) for k, clock in times.items()}
         rows = {k: np.flatnonzero(~np.isnan(clock)) for k, clock in times.items()}
         self._refuse_apart({k: clock[rows[k]] for k, clock in times.items()})
-        signals = []
+        clocked = []
         for channel, group in zip(used, groups, strict=True):
             cells, is_timed = found.cells[channel.name], ~np.isnan(times[group])
             _refuse_blanks(clocks[needed.index(group)], ~is_timed & ~np.isnan(cells), found)
             if not channel.may_be_blank:
                 _refuse_blanks(channel, is_timed & np.isnan(cells), found)
-            clock = partial(np.take, times[group], rows[group])
-            load = partial(np.take, cells, rows[group])
-            signals.append(Signal((), "", clock, load, rows=partial(_row, found, rows[group])))
-        unit = time.unit.name if time.scale == 1.0 else ""
-        table = SignalTable(signals, self.file, found.warnings, unit)
-        return table.read([_numbered(channel, k) for k, channel in enumerate(used, 1)])
+            clocked.append((times[group], rows[group]))
+        return brought_together(found, used, clocked, time, self.file)
 
     def _refuse_apart(self, clocks: Mapping[int, Array]) -> None:
         """Reject a group that was recorded before or after the first one."""
@@ -164,9 +166,11 @@ class _SideBySide:
 
     def _unit(self, group: int, time: Channel) -> Unit:
         """Unit of the times of a group: its own, else that of the first, else of the mapping."""
-        column = next((c for c in (self.times[group], self.times[0]) if c.unit_texts), None)
-        if column is not None:
+        column, first = self.times[group], self.times[0]
+        if column.unit_texts and column.unit_texts != first.unit_texts:
             return header_unit("time_s", column)
+        if first.unit is not None and first.unit.quantity == "time":
+            return first.unit
         return dataclasses.replace(time.unit, factor=time.scale * time.unit.factor)
 
 
@@ -177,19 +181,6 @@ def _same(clock: Array, other: Array) -> Array:
     return other if np.allclose(clock, other, 0.0, tolerance, equal_nan=True) else clock
 
 
-def _in_group(channel: Channel) -> Channel:
-    """The channel for the reader of the table, which accepts the blank end of its group."""
-    return dataclasses.replace(channel, may_end=True)
-
-
-def _numbered(channel: Channel, index: int) -> Channel:
-    return dataclasses.replace(channel, column=dataclasses.replace(channel.column, index=index))
-
-
 def _refuse_blanks(channel: Channel, lost: Bool, samples: Samples) -> None:
     if lost.any():
         raise blank_cell(channel, samples.row(int(np.argmax(lost))))
-
-
-def _row(samples: Samples, rows: NDArray[np.intp], sample: int) -> int:
-    return samples.row(int(rows[sample]))

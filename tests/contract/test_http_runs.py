@@ -129,7 +129,7 @@ def test_fault_in_a_run_names_file_row_and_column(alice: Caller) -> None:
         (HEADER.encode() + b"\n", "no_rows"),
         (b"\x00" * 5000, "not_text"),
         (bytes(range(256)) * 40, "not_text"),
-        (b"PK\x03\x04" + bytes(3000), "not_text"),
+        (b"PK\x03\x04" + bytes(3000), "damaged_file"),
         (run_text(0).replace(b"voltage_V", b"tension"), "missing_column"),
         (run_text(0).replace(b"voltage_V", b"voltage [furlong]"), "unknown_unit"),
         (run_text(0).replace(b"0.005000,", b"nan,", 1), "not_finite"),

@@ -37,11 +37,12 @@ def beside(**columns: float) -> bytes:
     return write({**record(), **extra})
 
 
-def zipped() -> bytes:
-    """Zip archive of a run."""
+def zipped(*names: str, content: bytes = write(record())) -> bytes:
+    """Archive with the same content under several names."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
-        archive.writestr("run1.csv", write(record()))
+        for name in names:
+            archive.writestr(name, content)
     return buffer.getvalue()
 
 
@@ -101,10 +102,23 @@ BROKEN_TABLES = (
         errors.NoHeader,
         'names their 5 columns, which are .column 1. to .*"time_s": {"column": "column NUMBER"',
     ),
-    Refusal("zip", zipped(), errors.NotText, "a zip archive"),
+    Refusal(
+        "two runs in a zip",
+        zipped("a.csv", "b.csv"),
+        errors.AmbiguousTable,
+        "the files 'a.csv', 'b.csv' all contain a run",
+    ),
+    Refusal("zip in zip", zipped("a", content=zipped("b")), errors.NotText, "in another archive"),
+    Refusal("cut zip", zipped("a.csv")[:-30], errors.DamagedFile, "looks like a zip archive"),
+    Refusal("zip of a note", zipped("a", content=b"cold run"), errors.NoTable, "no line with"),
+    Refusal("empty zip", zipped(), errors.NoTable, "no file with columns of numbers"),
+    Refusal("many files", zipped(*map(str, range(21))), errors.FileTooLarge, "unpack it"),
+    Refusal("spoilt zip", zipped("a").replace(b"0.02,", b"0.03,"), errors.DamagedFile, "CRC"),
     Refusal("gzip in gzip", gzip.compress(gzip.compress(b"")), errors.NotText, "twice"),
-    Refusal("cut gzip", gzip.compress(write(record()))[:500], errors.DamagedFile, "gzip .*ended"),
-    Refusal("spoilt gzip", spoilt_gzip(), errors.DamagedFile, "gzip compression is damaged"),
+    Refusal(
+        "cut gzip", gzip.compress(write(record()))[:500], errors.DamagedFile, "damaged .*ended"
+    ),
+    Refusal("spoilt gzip", spoilt_gzip(), errors.DamagedFile, "compression is damaged"),
     Refusal("TDMS index", b"TDSh" + b"\x0e\0\0\0" * 20, errors.NotText, "beside it"),
     Refusal("picture", b"\x89PNG\r\n\x1a\n" + b"\0" * 99, errors.NotText, "picture"),
     Refusal("zeros", bytes(5000), errors.NotText, "not text"),

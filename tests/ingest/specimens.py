@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
+import lzma
 
 import numpy as np
 import scipy.io
@@ -50,6 +52,7 @@ from tests.ingest.writers import (
     tdms,
     timeseries,
     workbook,
+    zipped,
 )
 
 __all__ = ["SPECIMENS"]
@@ -119,6 +122,29 @@ COLUMNAR = (
 COMPRESSED = (
     Specimen(
         "run.csv.gz", "compressed text", lambda p: p.write_bytes(gzip.compress(write(RECORD)))
+    ),
+    Specimen("run.csv.bz2", "bzip2", lambda p: p.write_bytes(bz2.compress(write(RECORD)))),
+    Specimen("run.csv.xz", "xz", lambda p: p.write_bytes(lzma.compress(write(RECORD)))),
+    Specimen("run.csv.zip", "a table in an archive", lambda p: zipped(p, {"run.csv": RECORD})),
+    Specimen(
+        "export.zip",
+        "a run, a note and a table of the device, as phyphox writes them",
+        lambda p: zipped(
+            p,
+            {
+                "export/run.csv": RECORD,
+                "export/meta/time.csv": {"event": [1.0, 2.0], "experiment time": [0.0, 0.04]},
+                "__MACOSX/._run.csv": {},
+            },
+        ),
+    ),
+    Specimen(
+        "chosen.zip",
+        "two runs, one of them chosen",
+        lambda p: zipped(
+            p, {"cold.csv": {**RECORD, "voltage_V": RECORD["time_s"]}, "hot.csv": RECORD}
+        ),
+        mapping={"table": "hot.csv"},
     ),
     Specimen(
         "run.parquet.gz",

@@ -162,7 +162,7 @@ def test_decimal_sign_of_the_times_is_not_that_of_the_numbers(
     ("content", "error", "words"),
     [
         (b'{"t": 0.0, "u": 1.0}\n' * 40, errors.NotText, "this is JSON, not a text table"),
-        (b"PK\x03\x04" + bytes(40), errors.NotText, "unpack it, and give the file"),
+        (b"7z\xbc\xaf" + bytes(40), errors.NotText, "unpack it, and give the file"),
         (
             write(record()).replace(b"\n0.02,", b"\n0.0,0.02,", 1),
             errors.RaggedRow,

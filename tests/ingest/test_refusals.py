@@ -15,7 +15,7 @@ from identification import errors
 from identification.ingest import Limits, read_run
 from tests.ingest.broken_tables import BROKEN_TABLES, Refusal
 from tests.ingest.broken_values import BROKEN_VALUES, IN_RPM
-from tests.ingest.samples import CANONICAL, changed, record, write
+from tests.ingest.samples import CANONICAL, changed, record, with_cell, write
 
 FILES = (*BROKEN_TABLES, *BROKEN_VALUES)
 
@@ -104,6 +104,20 @@ def test_name_of_angle_and_temperature_without_a_unit_gives_one_message(tmp_path
         assert read_run(path, mapping=entry).rows == 40
 
 
+def test_time_that_runs_back_is_reported_with_the_faulty_cells(tmp_path: Path) -> None:
+    """The times are checked although a cell is no number."""
+    path = tmp_path / "run.csv"
+    lines = with_cell("current_A", 20, "fault").decode().split("\n")
+    lines[10] = lines[5]
+    path.write_text("\n".join(lines))
+
+    with pytest.raises(errors.NotANumber) as caught:
+        read_run(path)
+
+    assert "row 22, column current_A: 'fault' is not a number" in str(caught.value)
+    assert "(2) row 11, column time_s: the time decreases" in str(caught.value)
+
+
 def test_table_of_broken_files_covers_every_error_that_a_file_can_cause() -> None:
     """Each leaf below RunFileError is caused by a file of the table or by a test below."""
     leaves = {leaf for leaf in errors.RunFileError.__subclasses__()}
@@ -116,7 +130,6 @@ def test_table_of_broken_files_covers_every_error_that_a_file_can_cause() -> Non
         # test_formats.py, test_damage.py
         errors.OutOfMemory,
         errors.MissingLibrary,
-        errors.AmbiguousTable,
         # test_angle.py
         errors.AmbiguousAngle,
     }

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.commands.arguments import mapping_of
-from identification.errors import InputError
+from identification.errors import InputError, MissingValue
 from identification.ingest import Run
 from identification.ingest.several_files import join_files
 from tests.ingest.samples import channels
@@ -168,3 +168,16 @@ def test_files_with_one_name_are_told_apart_by_their_position(tmp_path: Path) ->
     )  # fmt: skip
 
     np.testing.assert_array_equal(run.speed, SPEED)
+
+
+def test_group_of_columns_with_an_unknown_time_is_refused(tmp_path: Path) -> None:
+    """The current was logged at half the rate, at times under a title that says nothing."""
+    drive = tmp_path / "drive.csv"
+    head = "Time [s],Voltage [V],abscissa,Current [A]"
+    half = np.where(np.arange(400) < 200, CURRENT[np.minimum(2 * np.arange(400), 399)], np.nan)
+    written(drive, head, TIME, VOLTAGE, 2.0 * TIME, half)
+    drive.write_text(drive.read_text().replace("nan", ""))
+    speed = written(tmp_path / "speed.csv", "Time [s],Speed [rad/s]", TIME, SPEED)
+
+    with pytest.raises(MissingValue, match="drive.csv, row 202, .* only the first 200 of 400 rows"):
+        joined([drive, speed])

@@ -17,6 +17,8 @@ from tests.ingest.samples import record
 
 RECORD = record(60)
 TIME, SPEED = RECORD["time_s"], RECORD["speed_rad_s"]
+SPEED_BETWEEN = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
+"""Speed of every second time at all times that it covers."""
 
 
 def beside(
@@ -41,8 +43,7 @@ def test_channel_has_the_times_of_the_column_to_its_left(tmp_path: Path) -> None
 
     run = read_run(path)
 
-    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
-    assert np.allclose(run.speed, expected, rtol=1e-12)
+    assert np.allclose(run.speed, SPEED_BETWEEN, rtol=1e-12)
     assert np.array_equal(run.current, RECORD["current_A"][:-1])
     assert run.sources["speed_rad_s"].method == "linear"
     assert "different_clocks" in codes(path)
@@ -104,8 +105,7 @@ def test_titles_of_times_differ_in_number_rate_and_channel(
     frame["time_s"] *= 1e3
     frame.rename(columns={"time_s": first}).to_csv(path, index=False)
 
-    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
-    assert np.allclose(read_run(path).speed, expected, rtol=1e-12)
+    assert np.allclose(read_run(path).speed, SPEED_BETWEEN, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -114,6 +114,7 @@ def test_titles_of_times_differ_in_number_rate_and_channel(
         ("Time", "Time [ms]", {"unit": "ms"}),
         ("Time (1)", "Time (2)", {"unit": "ms"}),
         ("X_Value", "X_Value", {"unit": "ms"}),
+        ("Time 1 [h]", "Time 2 [h]", {"scale": 1e-3}),
         ("Sample", "Sample", {"scale": 1e-3}),
     ],
 )
@@ -131,8 +132,7 @@ def test_mapping_of_the_first_time_serves_all_groups(
         read_run(path)
     run = read_run(path, mapping={"time_s": {"column": first, **entry}})
 
-    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
-    assert np.allclose(run.speed, expected, rtol=1e-12)
+    assert np.allclose(run.speed, SPEED_BETWEEN, rtol=1e-12)
 
 
 START = pd.Timestamp("2026-03-01 23:59:59.97")
@@ -171,14 +171,28 @@ def test_clocks_of_all_groups_have_one_zero(tmp_path: Path, form: str, ending: s
     assert run.current == pytest.approx(RECORD["current_A"][kept])
 
 
+def test_voltage_in_ms_steps_at_the_sample_of_its_step(tmp_path: Path) -> None:
+    """Current and speed twice as fast, in s; a time in ms differs from the same one in s by 1e-17.
+
+    The voltage changes at each of its samples.
+    """
+    path, ticks = tmp_path / "run.csv", np.arange(600)
+    signals = {name: np.sin(0.01 * ticks) for name in ("current_A", "speed_rad_s")}
+    slow = {"Time 2 [ms]": 10.0 * ticks[:300], "voltage_V": (-1.0) ** ticks[:300]}
+    frame = pd.DataFrame({"Time 1 [s]": np.round(0.005 * ticks, 3), **signals})
+    frame.join(pd.DataFrame(slow)).to_csv(path, index=False)
+
+    voltage = read_run(path).voltage
+    assert np.array_equal(voltage, np.repeat(slow["voltage_V"], 2)[: voltage.size])
+
+
 def test_variables_of_different_length_are_groups(tmp_path: Path) -> None:
     """A struct of MATLAB with the times in front of their channels."""
     path = tmp_path / "run.mat"
     frame = beside("time2_s", "speed_rad_s", 2)
     scipy.io.savemat(path, {"log": {name: frame[name].dropna().to_numpy() for name in frame}})
 
-    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
-    assert np.allclose(read_run(path).speed, expected, rtol=1e-12)
+    assert np.allclose(read_run(path).speed, SPEED_BETWEEN, rtol=1e-12)
 
 
 def test_shorter_group_with_an_unknown_time_is_refused(tmp_path: Path) -> None:
@@ -196,6 +210,33 @@ def test_unit_of_a_second_time_is_checked(tmp_path: Path) -> None:
     beside("Time 2 [h]", "speed_rad_s", 2).to_csv(path, index=False)
 
     with pytest.raises(errors.UnknownUnit, match="the unit 'h' is unknown"):
+        read_run(path)
+
+
+def test_numbered_channels_are_no_groups(tmp_path: Path) -> None:
+    """The channels of an oscilloscope with a mathematical one between them, without times."""
+    path = tmp_path / "run.csv"
+    names = ["CH1", "MATH1", "CH2", "MATH2", "CH3", "MATH3"]
+    cells = [c for name in ("voltage_V", "current_A", "speed_rad_s") for c in [RECORD[name]] * 2]
+    pd.DataFrame(dict(zip(names, cells, strict=True))).to_csv(path, index=False)
+    mapping: dict[str, object] = {
+        "time_s": {"column": "row", "scale": 1e-3},
+        "voltage_V": {"column": "CH1"},
+        "current_A": {"column": "CH2"},
+        "speed_rad_s": {"column": "CH3", "unit": "rad/s"},
+    }
+
+    assert np.array_equal(read_run(path, mapping=mapping).speed, SPEED)
+
+
+def test_clocks_of_different_kinds_have_no_time_in_common(tmp_path: Path) -> None:
+    """Times of day in the first group, seconds since 1970 in the second."""
+    path = tmp_path / "run.csv"
+    frame = beside("Time 2 [s]", "speed_rad_s", 1, shift=1_772_352_000.0)
+    frame["time_s"] = [f"08:00:{t:06.3f}" for t in TIME]
+    frame.rename(columns={"time_s": "Time 1"}).to_csv(path, index=False)
+
+    with pytest.raises(errors.NoRows, match="no time in common"):
         read_run(path)
 
 
@@ -224,6 +265,15 @@ def test_first_column_is_a_time_if_its_unit_is_one(tmp_path: Path) -> None:
     expected = np.interp(TIME, TIME[::10], RECORD["temperature_degC"][::10])
     assert run.temperature == pytest.approx(expected)
     assert np.array_equal(run.time, TIME)
+
+
+@pytest.mark.parametrize("title", ["Time  1 - default sample rate [s]", "time_1_s", "Time 0 (s)"])
+def test_numbered_time_of_a_single_group_is_the_time(tmp_path: Path, title: str) -> None:
+    """Catman numbers the time also where all channels have one rate."""
+    path = tmp_path / "run.csv"
+    pd.DataFrame(RECORD).rename(columns={"time_s": title}).to_csv(path, index=False)
+
+    assert np.array_equal(read_run(path).time, TIME)
 
 
 @pytest.mark.parametrize("lost", ["speed_rad_s", "Time 2 [s]"])
@@ -283,10 +333,9 @@ def test_sheet_and_frame_are_read_like_text(tmp_path: Path) -> None:
     """The same two rates in a workbook and in a DataFrame."""
     frame, path = beside("Time 2 [s]", "speed_rad_s", 2), tmp_path / "run.xlsx"
     frame.to_excel(path, index=False)
-    expected = np.interp(TIME[:-1], TIME[::2], SPEED[::2])
 
     for source in (path, frame):
-        assert np.allclose(read_run(source).speed, expected, rtol=1e-12)
+        assert np.allclose(read_run(source).speed, SPEED_BETWEEN, rtol=1e-12)
 
 
 def test_groups_without_any_time_are_refused(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import struct
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,7 @@ import scipy.io
 from numpy.typing import NDArray
 
 from identification import errors
-from tests.ingest.samples import record
+from tests.ingest.samples import record, write
 
 Array = NDArray[np.float64]
 
@@ -116,6 +117,13 @@ def parquet(path: Path, columns: Mapping[str, object], units: Mapping[str, str])
         for name, array in zip(columns, arrays, strict=True)
     ]
     library.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), path)
+
+
+def zipped(path: Path, members: Mapping[str, Mapping[str, Sequence[float] | Array]]) -> None:
+    """Write an archive of text tables."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, columns in members.items():
+            archive.writestr(name, write(columns))
 
 
 def compressed(write_inner: Callable[[Path], object]) -> Callable[[Path], None]:

@@ -6,6 +6,7 @@ motorid belong to the extra ``formats``.
 
 from __future__ import annotations
 
+from identification.ingest.formats.archive import ArchiveReader
 from identification.ingest.formats.hdf5 import Hdf5Reader
 from identification.ingest.formats.matlab import MatlabReader
 from identification.ingest.formats.mdf import MdfReader
@@ -13,10 +14,11 @@ from identification.ingest.formats.parquet import ParquetReader
 from identification.ingest.formats.tdms import TdmsReader
 from identification.ingest.formats.workbook import WorkbookReader
 from identification.ingest.reader import Reader
+from identification.ingest.text import TextReader
 
 __all__ = ["FORMAT_READERS"]
 
-FORMAT_READERS: tuple[Reader, ...] = (
+_READERS: tuple[Reader, ...] = (
     WorkbookReader(),
     ParquetReader(),
     TdmsReader(),
@@ -24,4 +26,5 @@ FORMAT_READERS: tuple[Reader, ...] = (
     MatlabReader(),
     Hdf5Reader(),
 )
+FORMAT_READERS: tuple[Reader, ...] = (*_READERS, ArchiveReader((*_READERS, TextReader())))
 """Readers of binary formats; each recognises its files by their first bytes."""

@@ -51,14 +51,15 @@ class Block:
 
 # Signatures of binary formats that users submit in place of a text table.
 _SIGNATURES = (
-    (b"PK\x03\x04", "a zip archive (unpack it, and give the file with the samples)"),
+    (b"PK\x03\x04", "a zip archive in another archive"),
     (b'{"', "JSON"),
     (b"[{", "JSON"),
-    (b"\x1f\x8b", "gzip-compressed twice"),
-    (b"BZh", "bzip2-compressed"),
-    (b"\xfd7zXZ", "xz-compressed"),
-    (b"7z\xbc\xaf", "a 7-Zip archive"),
-    (b"\x28\xb5\x2f\xfd", "zstd-compressed"),
+    (b"\x1f\x8b", "compressed twice"),
+    (b"BZh91AY&SY", "compressed twice"),
+    (b"\xfd7zXZ", "compressed twice"),
+    (b"7z\xbc\xaf", "a 7-Zip archive (unpack it, and give the file with the samples)"),
+    (b"Rar!", "a RAR archive (unpack it, and give the file with the samples)"),
+    (b"\x28\xb5\x2f\xfd", "compressed with zstd (unpack it)"),
     (b"TDSh", "the index of a TDMS file, whose data are in the .tdms file beside it"),
     (b"SQLite format 3", "an SQLite database"),
     (b"%PDF", "a PDF document"),

@@ -129,7 +129,7 @@ def clock_of(cell: str, seconds: float, first: str = "") -> ClockTimes | LongTim
     """
     number = number_text(cell.replace(",", "."), ".")
     if number is not None and float(number) * seconds >= _SINCE_1970_S:
-        return LongTimes(first or number)
+        return LongTimes(first if is_number(first) else number)
     return ClockTimes(first) if is_time_of_day(cell) else None
 
 

@@ -2,7 +2,7 @@
 
 Every line must have the expected number of fields, and every cell must be a number or blank, and
 the time a number.  A block that fails a check is declined and not
-repaired; `CellReader` then reads it cell by cell and reports the fault.
+repaired; `SampleReader` then reads it cell by cell and reports the fault.
 """
 
 from __future__ import annotations

@@ -11,9 +11,10 @@ import math
 import re
 from collections.abc import Sequence
 
+from identification.ingest.run import RunWarning
 from identification.ingest.units import find_unit
 
-__all__ = ["stated_interval"]
+__all__ = ["interval_warning", "stated_interval"]
 
 # A title line that states the interval or the rate, and each number with a unit in it.
 _PACE = re.compile(
@@ -34,6 +35,15 @@ def stated_interval(titles: Sequence[str]) -> float:
         for number, unit in _PACES.findall(title[key.end() :])
     }
     return found.pop() if len(found) == 1 else math.nan
+
+
+def interval_warning(interval: float, file: str) -> RunWarning:
+    """Warning of a table whose times are multiples of a stated interval [s]."""
+    text = (
+        "the time is the number of the sample times the interval of a title line, "
+        f"{interval:.6g} s; a lost sample shows as no gap"
+    )
+    return RunWarning("time_from_rows", text, file)
 
 
 def _seconds(text: str, unit: str) -> float:

@@ -34,7 +34,7 @@ from identification.ingest.text.cells import (
     split_cells,
 )
 
-__all__ = ["Roles", "is_long", "long_table", "read_long", "roles_of", "values_of"]
+__all__ = ["Roles", "is_long", "long_table", "read_long", "roles_of"]
 
 _NAMES = "signal,signal name,signalname,name,varname,variable,channel,tag,field".split(",")
 _VALUES = ("value", "varvalue", "wert")
@@ -186,7 +186,7 @@ def _times(
         times = _loaded(column.title, cells, range(cells.size), rows)
     else:
         texts = dict(zip(rows, map(str, cells), strict=True))
-        times = np.array(_numbers(column.title, texts, clock.seconds))
+        times = _numbers(column.title, texts, clock.seconds)
     if isinstance(clock, ClockTimes):
         return times, "s"
     if columns[roles.name].title.casefold() == "varname":
@@ -195,24 +195,18 @@ def _times(
 
 
 def _loaded(name: str, cells: NDArray[np.generic], at: Sequence[int], rows: Sequence[int]) -> Array:
-    """Numbers of some cells, which may be texts."""
-    if cells.dtype.kind == "O":
-        return values_of(name, {rows[row]: str(cells[row]) for row in at})
-    return numbers(cells[at], describe_column(0, [name]))
-
-
-def values_of(name: str, cells: Mapping[int, str]) -> Array:
-    """Numbers (n_sample,) of cells by line number, all with one decimal sign."""
-    decimal = "," if any("," in cell for cell in cells.values()) else "."
-    return np.array(
-        _numbers(name, cells, lambda cell: number_text(cell, decimal)), dtype=np.float64
-    )
+    """Numbers of some cells, or of texts with one decimal sign."""
+    if cells.dtype.kind != "O":
+        return numbers(cells[at], describe_column(0, [name]))
+    texts = {rows[row]: str(cells[row]) for row in at}
+    decimal = "," if any("," in text for text in texts.values()) else "."
+    return _numbers(name, texts, lambda cell: number_text(cell, decimal))
 
 
 def _numbers(
     name: str, cells: Mapping[int, str], read: Callable[[str], float | str | None]
-) -> list[float]:
-    """Numbers of cells by line number; a cell that cannot be read is an error."""
+) -> Array:
+    """Numbers (n_cell,) of cells by line number; a cell that cannot be read is an error."""
     found: list[float] = []
     for number, cell in cells.items():
         value = read(cell)
@@ -225,4 +219,4 @@ def _numbers(
                 value=cell,
             )
         found.append(float(value))
-    return found
+    return np.array(found)

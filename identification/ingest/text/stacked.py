@@ -17,10 +17,9 @@ from identification.errors import UnsupportedContent
 from identification.ingest.cells import ColumnTable
 from identification.ingest.columns import describe_column
 from identification.ingest.display import plain, quoted
-from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import number_text
-from identification.ingest.text.interval import stated_interval
+from identification.ingest.text.interval import interval_warning, stated_interval
 
 __all__ = ["is_stacked", "stacked_table"]
 
@@ -75,11 +74,7 @@ def stacked_table(blocks: Iterable[Block], file: str) -> ColumnTable:
     ]
     columns.append(describe_column(len(columns), ["time"], ["s"]))
     cells = [values for _, values in channels] + [(np.arange(counts[0]) * steps[0]).tolist()]
-    note = (
-        f"the time is the number of the sample times the interval of a title line, {steps[0]:.6g} "
-        "s; a lost sample shows as no gap"
-    )
-    warning = RunWarning("time_from_rows", note, file)
+    warning = interval_warning(steps[0], file)
     return ColumnTable(columns, lambda column: np.array(cells[column.index]), (warning,))
 
 

@@ -18,6 +18,7 @@ from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block, Splitter
 from identification.ingest.text.cells import is_time_of_day
 from identification.ingest.text.dialect import Layout, detect_layout
+from identification.ingest.text.interval import interval_warning
 from identification.ingest.text.long import is_long, read_long
 from identification.ingest.text.samples import SampleReader
 from identification.ingest.text.stacked import is_stacked, stacked_table
@@ -145,9 +146,7 @@ class TextTable:
                 # The time that the preamble implies is no column of the table.
                 found[channel.name] = clock[0] + np.arange(rows, dtype=np.float64) * clock[1]
                 if self._layout.preamble.clock is None:
-                    note = "the time is the number of the sample times the interval of a title line"
-                    text = f"{note}, {clock[1]:.6g} s; a lost sample shows as no gap"
-                    warnings.append(RunWarning("time_from_rows", text, self._file))
+                    warnings.append(interval_warning(clock[1], self._file))
         return Samples(found, reader.lines.line, tuple(warnings))
 
 
