@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 import casadi as ca
@@ -25,6 +25,12 @@ _SMALLEST: Final = 1e-4
 """Relative current |i / i_b| below which its magnitude is smoothed."""
 _STRAIGHT: Final = 1e-6
 """Value of |i / i_b|^p below which the drop is taken from its series."""
+_LEAST_HEATED: Final = 10.0
+"""Least range of the logged temperature that shows how the brush drop changes with it [K]."""
+_RATE: Final = Parameter(
+    "rate", "1/K", "relative change of the drop per kelvin, c in the formula", scale=2e-3,
+    lower=-8e-3, upper=8e-3, prior_sd=2.0,
+)  # fmt: skip
 
 __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 
@@ -42,13 +48,18 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     parameter `openness`) the slowness of the saturation beyond it.  For i > 0, s is i / (i + i_b)
     with p = 1 and o = 1, i / sqrt(i^2 + i_b^2) with p = 2 and o = 1, and 1 - exp(-i / i_b) with
     p = 1 and o near 0.  Other values approximate tanh, erf and arctan within 0.001.  `a` is the
-    asymmetry between the two directions.
+    asymmetry between the two directions.  The contact voltage of carbon falls as it warms: in an
+    extended variant, V_b is V_b (1 + c (T - 25)), with the logged temperature T.
     """
 
     voltage_size: float
     """Voltage scale [V]."""
     current_size: float
     """Current scale [A]."""
+    is_heated: bool = False
+    """True if the temperatures of the runs differ enough to show a dependence on them."""
+    changes: bool = False
+    """True if the drop changes with temperature."""
 
     name = "brush_drop"
     confusions = (BRUSHES,)
@@ -59,8 +70,18 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     )
 
     @property
+    def variant(self) -> str:
+        """The temperature dependence, if it is estimated."""
+        return "changing with temperature" if self.changes else ""
+
+    @property
+    def richer(self) -> tuple[BrushDrop, ...]:
+        """The variant with a drop that changes with temperature."""
+        return () if self.changes or not self.is_heated else (replace(self, changes=True),)
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
-        return (
+        own = (
             amplitude(
                 "voltage", "V", "voltage drop of both brushes at high current", self.voltage_size
             ),
@@ -76,6 +97,7 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
             ),
             asymmetry(),
         )  # fmt: skip
+        return (*own, _RATE) if self.changes else own
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         power, openness = values.sharpness, values.openness
@@ -86,13 +108,15 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
         bent = ca.if_else(size < _STRAIGHT, nearly_straight, (1 - left) / size)
         share = relative * ca.exp(ca.log(bent) / power)
         even = ca.sqrt(share * share + _ROUND**2) - _ROUND
-        return -values.voltage * (share + values.asymmetry * even)
+        drop = values.voltage * (share + values.asymmetry * even)
+        return -drop * (1 + values.rate * (signals.temperature - 25)) if self.changes else -drop
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         drop, knees = 0.03 * scales.voltage, (0.02, 0.1, 0.4)
         starts = [(drop, knee * scales.current, 2.0, 1.0, 0.0) for knee in knees]
-        return [Candidate(cls(scales.voltage, scales.current), columns(*starts))]
+        is_heated = scales.heated >= _LEAST_HEATED
+        return [Candidate(cls(scales.voltage, scales.current, is_heated), columns(*starts))]
 
 
 @dataclass(frozen=True)
