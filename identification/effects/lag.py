@@ -22,7 +22,10 @@ _SOURCE: Final = (
     "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
 )
 _LEAST_MOVEMENT: Final = 1.0
-"""Least range of the temperature within a record that reveals a lag [K]."""
+"""Least range of the logged temperature within a record that reveals a lag behind it [K]."""
+_LEAST_SEEN: Final = 0.2
+"""Least range that reveals a lag of the log [K]: that of a log that lags, by a dozen records, a
+winding whose temperature varies by 5 K."""
 _SCANNED: Final = (0.03, 0.1, 0.3, 1.0)
 """Scanned time constants, over the duration of the longest record."""
 _BEHIND: Final = "the winding lags the log"
@@ -34,7 +37,10 @@ _WORDS: Final = {
     _BOTH_AHEAD: "logged temperature lags winding and magnet",
 }
 """Variant by direction; the direction is a setting in results and keeps its text."""
-_IN_STEPS: Final = ", coarse resolution"
+_WITH_ERROR: Final = ", error of the log"
+_LEAST_STEP: Final = 0.01
+"""Least step of a log that causes its error [K].  The smoothing of a finer one has an error too,
+whose size is that in the runs."""
 _HARMONICS: Final = 5
 """Sine and cosine pairs of the error of a log in coarse steps."""
 _ERRORS: Final = (
@@ -55,10 +61,9 @@ _ROOT: Final = np.linalg.qr(_waves(_POINTS) / np.sqrt(_POINTS.size)).R
 """Matrix whose product with the amplitudes has the mean square of the error as its square."""
 
 
-def _moves(scales: CampaignScales) -> bool:
-    """Whether the logged temperature varies enough within a record to reveal a lag."""
-    movement = (float(np.ptp(record.column("temperature"))) for record in scales.records)
-    return max(movement) >= _LEAST_MOVEMENT
+def _movement(scales: CampaignScales) -> float:
+    """Largest range of the logged temperature within a record [K]."""
+    return max(float(np.ptp(record.column("temperature"))) for record in scales.records)
 
 
 @dataclass(frozen=True)
@@ -96,7 +101,7 @@ class _Lag(AbstractEffect, AbstractTemperature):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        if not _moves(scales):
+        if _movement(scales) < _LEAST_MOVEMENT:
             return []
         term = cls(scales.duration / 200, max(scales.run_duration * 5, THERMAL_S))
         return [Candidate(term, columns(*[(f * scales.duration,) for f in _SCANNED]))]
@@ -109,7 +114,7 @@ class WindingLag(_Lag):
 
         dT_w/dt = (T - T_w) / tau            winding lags T                    [K/s]
         T_w = T + tau dT/dt                  T lags the winding                [degC]
-        T_w = T + e + tau d(T + e)/dt        the same, T in coarse steps       [degC]
+        T_w = T + e + tau d(T + e)/dt        the same, T with an error e       [degC]
 
         e = e_0 + sum_k c_k cos(k pi t / D) + s_k sin(k pi t / D),   k <= 5    [K]
 
@@ -119,11 +124,13 @@ class WindingLag(_Lag):
     parts of the motor, the law applies to the magnet as well.
 
     If the log has coarse steps without noise to dither them, the temperature is unknown within half
-    a step, and its derivative with it.  The third law, an extended variant, therefore adds an error
+    a step, and its derivative with it.  Smoothing has an error too, which tau multiplies if the
+    thermometer lags by several runs.  The third law, an extended variant, therefore adds an error
     e, free in each record; D is the duration of the longest run.  The prior is that of eleven
     orthonormal combinations of the waves over D, whose variances sum to that of rounding,
-    step^2 / 12, or are those in the runs if they are larger.  Over a constant stretch of the log,
-    the mean of T + e is the level of the log, with the standard deviation of rounding.
+    step^2 / 12, or are those in the runs if they are larger.  The step is at least 0.01 K, and
+    smaller than that of the log if noise dithers it in part.  Without noise, the mean of T + e over
+    a constant stretch of the log is its level, with the standard deviation of rounding.
     """
 
     direction: str = _BEHIND
@@ -131,7 +138,7 @@ class WindingLag(_Lag):
     duration: float = 1.0
     """Duration D of the longest run [s]."""
     step: float = 0.0
-    """Step of the log if no noise dithers it, else zero [K]."""
+    """Step of the log that causes its error, zero for a winding that lags the log [K]."""
     size: float = 0.0
     """Prior standard deviation of each orthonormal combination in e; zero without e [K]."""
 
@@ -145,13 +152,13 @@ class WindingLag(_Lag):
 
     @property
     def variant(self) -> str:
-        """Direction of the lag, and whether the log has coarse steps."""
-        return _WORDS.get(self.direction, self.direction) + (_IN_STEPS if self.size else "")
+        """Direction of the lag, and whether the log has an error."""
+        return _WORDS.get(self.direction, self.direction) + (_WITH_ERROR if self.size else "")
 
     @property
     def richer(self) -> tuple[WindingLag, ...]:
-        """The variant with an error of the log, if the log lags and has coarse steps."""
-        return () if self.size or not self.step else (self.expecting(self.step),)
+        """The variant with an error of the log, if the log lags."""
+        return () if self.size or not self.step else (self.expecting(0.0),)
 
     def _in_steps(self) -> Candidate:
         """Candidate of the variant with an error of the log."""
@@ -191,7 +198,7 @@ class WindingLag(_Lag):
         return ahead + self._error(signals, states, values) if self.size else ahead
 
     def log_error(self, time: Array) -> Array | None:
-        """Error of a log in coarse steps, without its derivative [K]."""
+        """Error of the log, without its derivative [K]."""
         return _waves(time / self.duration) if self.own_root is not None else None
 
     @property
@@ -220,20 +227,22 @@ class WindingLag(_Lag):
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate per direction of the lag, if the temperature varies within a record.
 
-        A log in coarse steps can hide such a variation.
+        A log in coarse steps can hide such a variation.  The log may lag by more than a record, of
+        which it then shows a part.
         """
         # The temperature of a segment comes from the whole record.
         duration = max(record.duration for record in scales.records)
-        shortest, longest = duration / 200, duration
+        shortest, longest = duration / 200, max(scales.run_duration * 5, THERMAL_S)
         step = max(record.resolution for record in scales.records)
         directions = (_AHEAD, _BOTH_AHEAD)
-        ahead = [cls(shortest, longest, each, duration, step) for each in directions]
+        error = max(step, _LEAST_STEP)
+        ahead = [cls(shortest, longest, each, duration, error) for each in directions]
         coarse = [term._in_steps() for term in ahead] if step else []
-        if not _moves(scales):
-            return coarse
-        # A record cannot reveal a lag of the log that is longer than the record.
-        starts = columns(*[(f * duration,) for f in _SCANNED[:-1]])
-        return [*super().candidates(scales), *[Candidate(term, starts) for term in ahead], *coarse]
+        found = super().candidates(scales)
+        if _movement(scales) >= _LEAST_SEEN:
+            starts = columns(*[(f * duration,) for f in (*_SCANNED[:-1], 3.0)])
+            found += [Candidate(term, starts) for term in ahead]
+        return [*found, *coarse]
 
 
 class _ScoredError(WindingLag):

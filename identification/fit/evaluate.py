@@ -9,9 +9,10 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.effects.effect import effects_of
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.initial import fitted_initial_states
 from identification.fit.order_tracking import is_tracked, tracked
+from identification.fit.own_states import state_covariances
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_own_temperatures
 from identification.model.excitation import Record, squares_of
@@ -19,6 +20,7 @@ from identification.model.simulate import Simulator
 
 __all__ = [
     "Simulated",
+    "coldest_start",
     "largest_heating",
     "simulate_fitted",
     "simulate_unseen",
@@ -109,6 +111,17 @@ def largest_heating(fit: Fit) -> float:
         return 0.0
     trajectories = fit.simulator.states(fit.values[:, None], fit.states)
     return float(max(states[:, rises, 0].sum(axis=1).max() for states in trajectories))
+
+
+def coldest_start(fit: Fit, term: AbstractEffect, sd: float) -> float:
+    """Smallest initial value, over the records, of the sum of the states of a term.
+
+    Each sum is its estimate plus `sd` standard deviations, in the unit of the states.
+    """
+    names = fit.simulator.model.state_names
+    rows = np.array([name.partition(".")[0] == term.name for name in names], dtype=np.float64)
+    spread = np.sqrt(np.maximum(state_covariances(fit) @ rows @ rows, 0.0))
+    return float(np.min(np.array(fit.states) @ rows + sd * spread))
 
 
 def _tracked(

@@ -31,7 +31,7 @@ from identification.model.term import AbstractTemperature
 if TYPE_CHECKING:
     from identification.fit.solve import Fit
 
-__all__ = ["amplitude_sizes", "own_cost", "state_precision", "state_prior"]
+__all__ = ["amplitude_sizes", "own_cost", "state_covariances", "state_precision", "state_prior"]
 
 
 def own_cost(simulator: Simulator, states: Sequence[Array]) -> Array | float:
@@ -107,7 +107,7 @@ def amplitude_sizes(fit: Fit) -> dict[str, float]:
     amplitude, the present size remains.
     """
     sizes: dict[str, float] = {}
-    covariances = _covariances(fit)
+    covariances = state_covariances(fit)
     for name, rows, size, root in _own(fit.simulator.model):
         squares = sum(float(np.sum((root @ state[rows]) ** 2)) for state in fit.states)
         own = root @ covariances[:, rows[:, None], rows] @ root.T
@@ -129,7 +129,7 @@ def _own(model: MotorModel) -> list[tuple[str, NDArray[np.int64], float, Array]]
     return found
 
 
-def _covariances(fit: Fit) -> Array:
+def state_covariances(fit: Fit) -> Array:
     """Covariances of the initial states, (n_record, n_state, n_state)."""
     equations = fit.equations
     covariance = equations.covariance()

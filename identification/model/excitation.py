@@ -54,7 +54,7 @@ class Record:
     whole: Array | None = None
     """(n_sample, 2) weights before `within` removed the edges; None if it removed none."""
     resolution: float = 0.0
-    """Quantisation step of the logged temperature, zero if noise dithers it [K]."""
+    """Step that the logged temperature leaves unknown, zero if noise dithers it [K]."""
     raw_angle: Array | None = None
     """(n_sample,) angle before `with_angle` corrected it; None if it did not [rad]."""
     voltage_noise: Array | None = None
@@ -194,7 +194,7 @@ def records_of(
     records: list[Record] = []
     peak = hottest
     for k, run in enumerate(runs):
-        coarse = coarse_step(run)
+        coarse, is_bare = coarse_step(run)
         if run.temperature is None:
             whole = max(float(run.time[-1] - run.time[0]), 1e-300)
             temperature = expected + RAMP * ((run.time - run.time[0]) / whole - 0.5)
@@ -208,7 +208,7 @@ def records_of(
                 made = _record(run, first + k, start, stop, temperature, highest)
                 unknown = expected if run.temperature is None else None
                 log = run.temperature
-                log = log[start:stop] if coarse and log is not None else None
+                log = log[start:stop] if is_bare and log is not None else None
                 records.append(replace(made, expected=unknown, resolution=coarse, coarse_log=log))
     return records
 

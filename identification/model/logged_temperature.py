@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -22,6 +23,10 @@ _EDGE: Final = 20
 """Samples on either side of a gap whose medians are compared."""
 _LEAST_STEP_K: Final = 1.0
 _STEP_ERRORS: Final = 6.0
+_LEAST_DITHER: Final = 0.1
+"""Noise over the step of a log below which rounding hides what is between two steps."""
+_NEGLIGIBLE: Final = 0.1
+"""Error of the averages, over that of rounding, which is neglected."""
 _STIFFNESSES: Final = np.geomspace(1e-3, 1e10, 80)
 
 
@@ -50,13 +55,18 @@ def _quantum(logged: Array) -> float:
     return float(steps.min()) if steps.size else 0.0
 
 
-def coarse_step(run: Run) -> float:
-    """Quantisation step of the logged temperature of a run, zero if noise dithers it [K]."""
+def coarse_step(run: Run) -> tuple[float, bool]:
+    """Step that the logged temperature of a run leaves unknown [K], and whether it has no noise.
+
+    The step is that of a log without noise whose averages have the same error; zero if the noise is
+    large enough to remove it.
+    """
     if run.temperature is None:
-        return 0.0
+        return 0.0, False
     quantum = _quantum(run.temperature)
     _, _, within = _spans(run.temperature)
-    return quantum if _is_hidden(within, quantum) else 0.0
+    step = np.sqrt(12.0) * _rounding(within, quantum)
+    return float(step), bool(step == quantum)
 
 
 def _covering(run: Run) -> list[tuple[int, int]]:
@@ -98,28 +108,46 @@ def _smooth_stretch(clock: Array, logged: Array, quantum: float) -> Array:
     time = np.add.reduceat(clock, edges[:-1]) / np.diff(edges)
     if time.size < 8 or np.ptp(mean) == 0.0:
         return np.interp(clock, time, mean)
-    hidden = quantum / np.sqrt(12.0) if _is_hidden(within, quantum) else 0.0
+    hidden = _rounding(within, quantum)
+    if hidden:
+        hidden = float(np.hypot(hidden, np.sqrt(np.mean(within**2 / np.diff(edges)))))
     # Natural end conditions: the extrapolation by half a span at either end is nearly linear.
     spline = CubicSpline(time, _smoothed(mean, hidden), bc_type="natural")
     return np.asarray(spline(clock), dtype=np.float64)
 
 
-def _spans(logged: Array) -> tuple[NDArray[np.int64], Array, float]:
-    """Edges of short spans, the mean of each, and the median standard deviation within one."""
+def _spans(logged: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    """Edges of short spans, and the mean and the standard deviation within each."""
     edges = np.unique(np.linspace(0, logged.size, min(_KNOTS, logged.size) + 1).astype(np.int64))
     count = np.diff(edges)
     mean = np.add.reduceat(logged, edges[:-1]) / count
     squares = np.add.reduceat(logged**2, edges[:-1]) / count
-    return edges, mean, float(np.median(np.sqrt(np.maximum(squares - mean**2, 0.0))))
+    return edges, mean, np.sqrt(np.maximum(squares - mean**2, 0.0))
 
 
-def _is_hidden(within: float, quantum: float) -> bool:
-    """Whether quantisation hides the signal between two quantisation levels.
+def _rounding(within: Array, quantum: float) -> float:
+    """Standard deviation of the rounding error in the averages of a log [K].
 
-    Noise above a tenth of the step dithers the log.  With less noise the span means have steps
-    like the log itself, and cross-validation would fit the steps as signal.
+    Noise dithers the steps of a log: if its standard deviation is x steps, that of the error is
+
+        V(x) = sum_k exp(-(2 pi k x)^2) / (2 pi^2 k^2)                      [step^2]
+
+    over all temperatures, and the variance within a span is x^2 + 1/12 - V(x).  With less noise
+    than a tenth of the step in most spans, the error is that of rounding, and the averages have
+    steps like the log itself.
+
+    Source: Widrow, Kollar and Liu, IEEE Trans. Instrumentation and Measurement 45 (1996), 353-361.
     """
-    return within < 0.1 * quantum
+    if quantum == 0.0:
+        return 0.0
+    if np.median(within) < _LEAST_DITHER * quantum:
+        return quantum / math.sqrt(12.0)
+    noise = np.linspace(0.0, 1.0, 1001)
+    order = np.arange(1, 51)[:, None]
+    left = np.sum(np.exp(-((2 * np.pi * order * noise) ** 2)) / order**2, axis=0) / (2 * np.pi**2)
+    measured = float(np.mean(within**2)) / quantum**2
+    error = np.sqrt(np.interp(measured, noise**2 + 1 / 12 - left, left))
+    return float(error) * quantum if error > _NEGLIGIBLE / np.sqrt(12.0) else 0.0
 
 
 def _smoothed(series: Array, hidden: float) -> Array:

@@ -39,17 +39,18 @@ def _read(body: str, voltage: Array, winding: Array, housing: float) -> Array:
     return simulated(MOTOR.vector, interval, voltage, winding, rest, magnet=magnet)
 
 
-def _campaign(body: str) -> Campaign:
+def _campaign(body: str, rises: tuple[float, ...] = RISES) -> Campaign:
     """Three training runs and a validation run, recorded one after the other.
 
     Args:
         body: ``winding`` if the thermometer is on the housing and the winding cools to it within
             40 s; ``magnet`` if it is in the winding and the magnet follows within 150 s.
+        rises: Temperature of the winding above the housing at the start of each run [K].
     """
     rng = np.random.default_rng(3)
     time = MOTOR.interval * np.arange(ROWS, dtype=np.float64)
     runs = []
-    for k, (housing, rise) in enumerate(zip(HOUSING, RISES, strict=True)):
+    for k, (housing, rise) in enumerate(zip(HOUSING, rises, strict=True)):
         voltage = drive(MOTOR, "steps", ROWS, rng)
         still, winding = np.full(ROWS, housing), np.full(ROWS, housing + rise)
         for _ in range(4):
@@ -82,3 +83,14 @@ def test_a_body_that_a_run_hardly_cools_does_not_bias_the_temperature_coefficien
     error = fit.by_name[coefficient] - MOTOR.values[at]
     assert abs(error) < 3.0 * fit.deviations[at]
     assert fit.deviations[at] < 0.5 * abs(MOTOR.values[at])
+
+
+def test_losses_do_not_heat_a_winding_that_starts_colder_than_logged() -> None:
+    """The housing was heated from outside, and the winding warms up to it."""
+    split = _campaign("winding", (-40.0, -10.0, -30.0, -20.0))
+
+    outcome = search(fit_declared(split.training, "zoh"), split)
+
+    assert "self_heating" not in [term.name for term in outcome.fit.simulator.model.terms]
+    reasons = {one.criteria.flaw for one in outcome.searched if one.criteria and one.criteria.flaw}
+    assert any("starts a run colder than logged" in reason for reason in reasons)
