@@ -23,9 +23,10 @@ _SOURCE: Final = (
 )
 _LEAST_MOVEMENT: Final = 1.0
 """Least range of the logged temperature within a record that reveals a lag behind it [K]."""
-_LEAST_SEEN: Final = 0.2
-"""Least range that reveals a lag of the log [K]: that of a log that lags, by a dozen records, a
-winding whose temperature varies by 5 K."""
+_LEAST_SEEN: Final = 0.05
+"""Least range within a run that reveals a lag of the log [K]: several times the error of a smoothed
+log.  A log that lags by a dozen runs moves by 0.2 K if the winding warms by 5 K in a run, and by
+less in the part of it that is searched."""
 _SCANNED: Final = (0.03, 0.1, 0.3, 1.0)
 """Scanned time constants, over the duration of the longest record."""
 _BEHIND: Final = "the winding lags the log"
@@ -64,6 +65,15 @@ _ROOT: Final = np.linalg.qr(_waves(_POINTS) / np.sqrt(_POINTS.size)).R
 def _movement(scales: CampaignScales) -> float:
     """Largest range of the logged temperature within a record [K]."""
     return max(float(np.ptp(record.column("temperature"))) for record in scales.records)
+
+
+def _movement_of_runs(scales: CampaignScales) -> float:
+    """Largest range of the logged temperature within a run, of which a record may be a part [K]."""
+    logs = [(record.run, record.column("temperature")) for record in scales.records]
+    return max(
+        float(np.ptp(np.concatenate([log for own, log in logs if own == run])))
+        for run in scales.runs
+    )
 
 
 @dataclass(frozen=True)
@@ -239,7 +249,7 @@ class WindingLag(_Lag):
         ahead = [cls(shortest, longest, each, duration, error) for each in directions]
         coarse = [term._in_steps() for term in ahead] if step else []
         found = super().candidates(scales)
-        if _movement(scales) >= _LEAST_SEEN:
+        if _movement_of_runs(scales) >= max(_LEAST_SEEN, step):
             starts = columns(*[(f * duration,) for f in (*_SCANNED[:-1], 3.0)])
             found += [Candidate(term, starts) for term in ahead]
         return [*found, *coarse]

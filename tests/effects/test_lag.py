@@ -223,3 +223,16 @@ def test_the_error_of_a_log_in_steps_is_a_candidate_even_if_the_log_hardly_moves
 
     assert sum(variant.endswith("error of the log") for variant in variants) == 2
     assert (len(variants) > 2) is not is_part
+
+
+def test_the_searched_part_of_a_run_may_show_little_of_a_lag_of_the_log() -> None:
+    """The log moves by 0.05 to 0.2 K while the winding cools by 2 K."""
+    campaign = _in_steps(60.0, 0.1, 0.1, (-5.0, -5.0, -5.0, -5.0))
+    parts = tuple(record.segment(700, 800) for record in campaign.training)
+    fit = fit_declared(parts, "zoh")
+
+    movement = max(float(np.ptp(record.column("temperature"))) for record in parts)
+    variants = [c.final.variant for c in WindingLag.candidates(scales_of(fit))]
+
+    assert 0.05 < movement < 0.2
+    assert "logged temperature lags winding and magnet" in variants
