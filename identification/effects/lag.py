@@ -207,6 +207,10 @@ class WindingLag(_Lag):
         ahead = before + values.time_constant * signals.temperature_rate
         return ahead + self._error(signals, states, values) if self.size else ahead
 
+    @property
+    def log_step(self) -> float:
+        return self.step
+
     def log_error(self, time: Array) -> Array | None:
         """Error of the log, without its derivative [K]."""
         return _waves(time / self.duration) if self.own_root is not None else None

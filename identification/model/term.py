@@ -200,6 +200,11 @@ class AbstractTemperature(AbstractTerm):
     def bodies_felt(self) -> tuple[str, ...]:
         """Bodies with the effective temperature: ``winding``, ``magnet`` or both."""
 
+    @property
+    def log_step(self) -> float:
+        """Step of a log whose unknown error the term multiplies [K]; zero if it multiplies none."""
+        return 0.0
+
     def log_error(self, time: Array) -> Array | None:
         """(n, n_state) error of the log [K] at times (n,) [s] by a unit of each state.
 

@@ -26,7 +26,6 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from identification.arrays import Array
-from identification.effects.lag import WindingLag
 from identification.fit.solve import Fit
 from identification.model.excitation import Record
 from identification.model.term import AbstractTemperature
@@ -41,7 +40,7 @@ _ORDERS: Final = 6
 def thermometer_errors(fit: Fit, fraction: float) -> tuple[OmittedTerm, ...]:
     """Parameter changes by the unknown error of temperature logs in steps, or of those that lag."""
     terms = [t for t in fit.simulator.model.terms if isinstance(t, AbstractTemperature)]
-    least = max((term.step for term in terms if isinstance(term, WindingLag)), default=0.0)
+    least = max((term.log_step for term in terms), default=0.0)
     steps = [max(record.resolution, least) for record in fit.simulator.records]
     if not any(steps) or any(state.is_own for term in terms for state in term.states):
         return ()
