@@ -50,8 +50,10 @@ def with_own_clocks(opened: SourceTable | TableSet, file: str) -> SourceTable | 
 
 def _grouped(table: SourceTable, file: str) -> SourceTable:
     columns = list(table.columns)
-    if isinstance(table, (ColumnTable, Frame)) and roles_of([c.title for c in columns]):
-        return long_table(columns, table.load, file, 1 if isinstance(table, ColumnTable) else 0)
+    roles = roles_of([column.title for column in columns])
+    if roles is not None and isinstance(table, ColumnTable | Frame):
+        offset = 1 if isinstance(table, ColumnTable) else 0
+        return long_table(columns, roles, table.load, file, offset)
     named = [_named(column, columns[k : k + 1]) for k, column in enumerate(columns, 1)]
     places = [k for k, column in enumerate(columns) if column.is_time or _is_time(named[k])]
     if columns[0].texts and not (places or columns[0].quantities or columns[0].unit_texts):

@@ -83,7 +83,7 @@ def read_long(every: Iterable[Block], file: str) -> SignalTable:
     """
     blocks = list(every)
     lines = (one for block in blocks for one in enumerate(block.lines, block.first_line))
-    delimiter, titles = next(filter(None, (_header(line) for _, line in lines)))
+    delimiter, titles, roles = next(filter(None, (_header(line) for _, line in lines)))
     rows = {
         number: cells
         for number, line in lines
@@ -109,17 +109,18 @@ def read_long(every: Iterable[Block], file: str) -> SignalTable:
     table = np.array([cells[:count] for cells in rows.values()], dtype=object)
     table = table.reshape(-1, count)
     columns = [describe_column(k, [title]) for k, title in enumerate(titles)]
-    return long_table(columns, lambda c: table[:, c.index], file, list(rows), warnings)
+    return long_table(columns, roles, lambda c: table[:, c.index], file, list(rows), warnings)
 
 
 def long_table(
     columns: Sequence[Column],
+    roles: Roles,
     load: Callable[[Column], ArrayLike],
     file: str,
     rows: Sequence[int] | int,
     warnings: tuple[RunWarning, ...] = (),
 ) -> SignalTable:
-    """One signal for each name in a table with the columns of `roles_of`.
+    """One signal for each name in a table whose columns have the given roles.
 
     `load` gives the cells (n_row,) of a column: numbers, dates or texts.  `rows` are the rows in
     the file, or the first of them.
@@ -128,8 +129,6 @@ def long_table(
         NoRows: The table has no row.
         NotANumber: A time is neither a number nor a time of day.
     """
-    roles = roles_of([column.title for column in columns])
-    assert roles is not None
     names = np.asarray(load(columns[roles.name]))
     if not names.size:
         raise NoRows("no row below the header; expected one for each sample")
@@ -153,12 +152,13 @@ def long_table(
     return SignalTable(found, file, warnings, unit)
 
 
-def _header(line: str) -> tuple[str, list[str]] | None:
-    """Delimiter and cells of a header line; None for any other line."""
+def _header(line: str) -> tuple[str, list[str], Roles] | None:
+    """Delimiter, cells and roles of a header line; None for any other line."""
     for delimiter in ";,\t":
         cells = split_cells(line.lstrip("\ufeff"), delimiter)
-        if roles_of(cells) is not None:
-            return delimiter, cells
+        roles = roles_of(cells)
+        if roles is not None:
+            return delimiter, cells, roles
     return None
 
 
