@@ -20,11 +20,11 @@ from identification.model.simulate import Simulator
 
 __all__ = [
     "Simulated",
-    "coldest_start",
     "largest_heating",
     "simulate_fitted",
     "simulate_unseen",
     "voltage_noise_power",
+    "median_start",
 ]
 
 _TRACKED: Final = 8
@@ -113,15 +113,15 @@ def largest_heating(fit: Fit) -> float:
     return float(max(states[:, rises, 0].sum(axis=1).max() for states in trajectories))
 
 
-def coldest_start(fit: Fit, term: AbstractEffect, sd: float) -> float:
-    """Smallest initial value, over the records, of the sum of the states of a term.
+def median_start(fit: Fit, term: AbstractEffect, sd: float) -> float:
+    """Median initial value, over the records, of the sum of the states of a term.
 
     Each sum is its estimate plus `sd` standard deviations, in the unit of the states.
     """
     names = fit.simulator.model.state_names
     rows = np.array([name.partition(".")[0] == term.name for name in names], dtype=np.float64)
     spread = np.sqrt(np.maximum(state_covariances(fit) @ rows @ rows, 0.0))
-    return float(np.min(np.array(fit.states) @ rows + sd * spread))
+    return float(np.median(np.array(fit.states) @ rows + sd * spread))
 
 
 def _tracked(

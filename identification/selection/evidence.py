@@ -25,7 +25,7 @@ from identification.arrays import Array
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
-from identification.fit.evaluate import coldest_start, simulate_unseen, voltage_noise_power
+from identification.fit.evaluate import median_start, simulate_unseen, voltage_noise_power
 from identification.fit.order_tracking import path_size
 from identification.fit.solve import Fit
 from identification.linear import least_squares
@@ -48,11 +48,11 @@ __all__ = [
 _BY_CHANCE: Final = 0.5
 """Expected gain of the log likelihood by a parameter that has no effect."""
 _ODD: Final = "implausible: like noise of the voltage, it makes a temperature coefficient unusual"
-_COLD: Final = "implausible: losses cannot cause a winding that starts a run colder than logged"
+_COLD: Final = "implausible: losses cannot cause a winding that starts most runs colder than logged"
 _NOISE: Final = "implausible: it explains no more than noise of the voltage causes"
-_COLDEST: Final = -5.0
-"""Rise at the start of a run below which the losses cannot have heated the winding [K]; a smaller
-difference can be an error of the thermometer."""
+_COLD_K: Final = -5.0
+"""Median rise at the start of a run below which the losses cannot have heated the winding [K].  A
+smaller difference can be an error of the thermometer, and a single run what the law lacks."""
 _COLD_SD: Final = 2.0
 """Standard deviations by which it has to be below."""
 UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equations are not finite"
@@ -178,9 +178,9 @@ class EvaluatedModel:
         return _ODD if is_odd and not has_odd_coefficients(simpler.fit) else ""
 
     def _is_cold(self, term: AbstractEffect) -> bool:
-        """Whether a winding that its losses heat starts a run clearly colder than logged."""
+        """Whether a winding that its losses heat starts most runs clearly colder than logged."""
         sd = _COLD_SD / np.sqrt(self.fraction)
-        return term.heats and coldest_start(self.fit, term, sd) < _COLDEST
+        return term.heats and median_start(self.fit, term, sd) < _COLD_K
 
     def predicts_worse(self, other: EvaluatedModel, policy: SelectionPolicy) -> bool:
         """Whether the validation runs prefer the other model as clearly as they must an effect."""
