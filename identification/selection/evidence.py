@@ -162,12 +162,13 @@ class EvaluatedModel:
             return UNCOMPUTED
         values = self.fit.by_name
         for term in effects_of(self.fit.simulator.model.terms):
-            own = {p.name: values[f"{term.name}.{p.name}"] for p in term.parameters}
             # An extended variant has the type of the term it replaces, and can be implausible too.
-            if term not in simpler.fit.simulator.model.terms and term.flaw(own):
-                return term.flaw(own)
-            if term not in simpler.fit.simulator.model.terms and self._is_cold(term):
-                return _COLD
+            if term in simpler.fit.simulator.model.terms:
+                continue
+            own = {p.name: values[f"{term.name}.{p.name}"] for p in term.parameters}
+            flaw = term.flaw(own) or (_COLD if self._is_cold(term) else "")
+            if flaw:
+                return flaw
         if not self.noise.any():
             return ""
         removed = simpler.fit.weighting.deviation**2 - self.fit.weighting.deviation**2
@@ -178,7 +179,7 @@ class EvaluatedModel:
         return _ODD if is_odd and not has_odd_coefficients(simpler.fit) else ""
 
     def _is_cold(self, term: AbstractEffect) -> bool:
-        """Whether a winding that its losses heat starts most runs clearly colder than logged."""
+        """True if a winding that its losses heat starts most runs clearly colder than logged."""
         sd = _COLD_SD / np.sqrt(self.fraction)
         return term.heats and median_start(self.fit, term, sd) < _COLD_K
 

@@ -94,3 +94,12 @@ def test_losses_do_not_heat_a_winding_that_starts_colder_than_logged() -> None:
     assert "self_heating" not in [term.name for term in outcome.fit.simulator.model.terms]
     reasons = {one.criteria.flaw for one in outcome.searched if one.criteria and one.criteria.flaw}
     assert any("starts most runs colder than logged" in reason for reason in reasons)
+
+
+def test_a_single_run_that_starts_colder_than_logged_does_not_refuse_heating_by_losses() -> None:
+    """The housing was warmed from outside before the first run only."""
+    split = _campaign("winding", (-30.0, 10.0, 25.0, 4.0))
+
+    fit = search(fit_declared(split.training, "zoh"), split).fit
+
+    assert [term.name for term in fit.simulator.model.terms] == ["self_heating"]
