@@ -23,7 +23,7 @@ from identification.ingest.run import Run
 from identification.model.composite import MotorModel
 from identification.model.excitation import Record, records_of
 from identification.model.simulate import Simulator, initial_states
-from identification.reporting.svg import Frame, axes, line, svg
+from identification.reporting.svg import Frame, axes, line, svg, svg_file
 from identification.result.atomic import write_text
 
 __all__ = ["Signature", "effect_plot", "main", "signature"]
@@ -40,7 +40,6 @@ _EVERY: Final = 10
 _FOLLOWS: Final = 0.9
 """Fraction of the variance that a function of the driver explains if the term follows it [-]."""
 
-_NAMESPACE: Final = 'xmlns="http://www.w3.org/2000/svg"'
 _WIDTH: Final = 330
 _HEIGHT: Final = 200
 _ROUNDING: Final = 1e-6
@@ -49,9 +48,9 @@ _LEAST: Final = 3e-3
 """Smallest missing term relative to its balance that is plotted over a driver [-]."""
 
 _STYLE: Final = (
-    "<style>text{font:12px sans-serif;fill:#777}.mid{text-anchor:middle}.end{text-anchor:end}"
+    "text{font:12px sans-serif;fill:#777}.mid{text-anchor:middle}.end{text-anchor:end}"
     ".frame{fill:none;stroke:#999}.grid{stroke:#9994}.line{fill:none;stroke:#1e88e5;"
-    "stroke-width:1.8}</style>"
+    "stroke-width:1.8}"
 )
 
 
@@ -108,7 +107,7 @@ def effect_plot(name: str, shown: Signature) -> str:
         curve = axes(frame, shown.x_label, label) + line(frame, shown.x, values)
         marks += f'<g transform="translate({_WIDTH * number} 0)">{curve}</g>'
     drawing = svg(width, _HEIGHT, f"Signature of {name}", ", ".join(shown.curves), marks)
-    return drawing.replace(">", f' {_NAMESPACE} width="{width}" height="{_HEIGHT}">{_STYLE}', 1)
+    return svg_file(drawing, _STYLE)
 
 
 def main() -> None:
@@ -116,7 +115,7 @@ def main() -> None:
     scales = example_scales()
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name, kind in CATALOGUE.items():
-        write_text(FOLDER / f"{name}.svg", effect_plot(name, signature(kind, scales)) + "\n")
+        write_text(FOLDER / f"{name}.svg", effect_plot(name, signature(kind, scales)))
 
 
 def _inputs() -> Run:

@@ -23,7 +23,7 @@ from identification.effects.friction import CoulombFriction, StribeckFriction
 from identification.model.composite import MotorModel
 from identification.options import FitOptions
 from identification.pipeline import identify
-from identification.reporting.svg import Frame, axes, line, svg
+from identification.reporting.svg import Frame, axes, line, svg, svg_file
 from identification.result.atomic import write_text
 from identification.tuning import KINDS, UncertainMotor, motor_of, parse_specification, tune
 
@@ -39,9 +39,9 @@ _SERVO_SPEC: Final = (
 _WIDTH: Final = 330
 _HEIGHT: Final = 200
 _STYLE: Final = (
-    "<style>text{font:12px sans-serif;fill:#777}.mid{text-anchor:middle}.end{text-anchor:end}"
+    "text{font:12px sans-serif;fill:#777}.mid{text-anchor:middle}.end{text-anchor:end}"
     ".frame{fill:none;stroke:#999}.grid{stroke:#9994}.line,.hot{fill:none;stroke:#1e88e5;"
-    "stroke-width:1.8}.hot{stroke:#e53935}</style>"
+    "stroke-width:1.8}.hot{stroke:#e53935}"
 )
 
 
@@ -199,8 +199,7 @@ def _figure(found: Sequence[dict[str, Any]]) -> str:
         marks += f'<g transform="translate({_WIDTH * number} 0)">{curves}</g>'
     width = _WIDTH * len(shown)
     drawing = svg(width, _HEIGHT, "Step responses of tuned loops", "Speed over time.", marks)
-    size = f' xmlns="http://www.w3.org/2000/svg" width="{width}" height="{_HEIGHT}">{_STYLE}'
-    return drawing.replace(">", size, 1)
+    return svg_file(drawing, _STYLE)
 
 
 if __name__ == "__main__":

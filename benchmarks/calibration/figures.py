@@ -8,15 +8,15 @@ from typing import Final
 import numpy as np
 
 from benchmarks.calibration.statistics import BINS, band
-from identification.reporting.svg import Frame, axes, path, svg, text
+from identification.reporting.svg import Frame, axes, path, svg, svg_file, text
 from identification.reporting.svg import band as area
 
 __all__ = ["rank_histograms"]
 
 _STYLE: Final = (
-    "<style>text{font:11px sans-serif;fill:#777}.mid{text-anchor:middle}.end{text-anchor:end}"
+    "text{font:11px sans-serif;fill:#777}.mid{text-anchor:middle}.end{text-anchor:end}"
     ".frame{fill:none;stroke:#999}.grid{stroke:#9993}.bar{fill:#1e88e5;fill-opacity:.75}"
-    ".band{fill:#8885}.mean{stroke:#777;stroke-dasharray:3 3;fill:none}</style>"
+    ".band{fill:#8885}.mean{stroke:#777;stroke-dasharray:3 3;fill:none}"
 )
 _WIDTH, _HEIGHT = 186.0, 150.0
 _LEFT, _TOP, _BOTTOM = 34.0, 22.0, 20.0
@@ -41,7 +41,7 @@ def rank_histograms(title: str, panels: Mapping[str, Sequence[float]], columns: 
         "calibrated ranks are uniform, and 99 % of their counts lie in the grey band."
     )
     drawing = svg(_WIDTH * columns + 8.0, _HEIGHT * rows + 4.0, title, description, body)
-    return drawing.replace(">", f' xmlns="http://www.w3.org/2000/svg">{_STYLE}', 1) + "\n"
+    return svg_file(drawing, _STYLE)
 
 
 def _panel(name: str, values: Sequence[float]) -> str:

@@ -8,19 +8,18 @@ from typing import Final
 import numpy as np
 
 from benchmarks.peers.statistics import Line, median, of, seconds_per_thousand
-from identification.reporting.svg import Frame, axes, dots, line, span, svg, text
+from identification.reporting.svg import Frame, axes, dots, line, span, svg, svg_file, text
 
 __all__ = ["costs_by_rows", "plots"]
 
 _COLOURS: Final = ("#1e88e5", "#d81b60", "#e08700", "#00897b", "#8e24aa", "#6d4c41", "#546e7a")
 _STYLE: Final = (
-    "<style>text{font:11px sans-serif;fill:#777}.mid{text-anchor:middle}.end{text-anchor:end}"
+    "text{font:11px sans-serif;fill:#777}.mid{text-anchor:middle}.end{text-anchor:end}"
     ".frame{fill:none;stroke:#999}.grid{stroke:#9993}"
     + "".join(
         f".s{k}{{fill:none;stroke:{c};stroke-width:1.6}}.d{k}{{stroke:{c};stroke-width:6;stroke-linecap:round}}"
         for k, c in enumerate(_COLOURS)
     )
-    + "</style>"
 )
 _WIDTH, _HEIGHT = 640.0, 330.0
 
@@ -84,4 +83,4 @@ def _plot(title: str, series: Series, x_label: str, y_label: str) -> str:
         parts.append(f'<path class="s{k}" d="M398 {height - 4:g}h18"/>')
         parts.append(text(421.0, height, name, "label"))
     drawing = svg(_WIDTH, _HEIGHT, title, f"{y_label} over {x_label}.", "".join(parts))
-    return drawing.replace(">", f' xmlns="http://www.w3.org/2000/svg">{_STYLE}', 1) + "\n"
+    return svg_file(drawing, _STYLE)

@@ -168,6 +168,14 @@ class AbstractEffect(AbstractTerm):
         return ()
 
     @property
+    def rival_laws(self) -> tuple[AbstractEffect, ...]:
+        """Other laws of the effect with as many parameters; often none.
+
+        They are tried before another effect is kept, which may only make up for the wrong law.
+        """
+        return ()
+
+    @property
     def sharper(self) -> Self:
         """The term with its smoothing ten times narrower; the term itself if it has none."""
         return self

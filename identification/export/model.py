@@ -28,6 +28,7 @@ from identification.model.term import (
     AbstractMean,
     AbstractTerm,
     AbstractTorque,
+    AbstractVoltageFilter,
     Expression,
     Signals,
     Values,
@@ -207,7 +208,8 @@ def _stiffness(model: ExportModel, values: Array, span: Array) -> float:
 def _note(term: AbstractTerm, run: int) -> tuple[str, bool]:
     """The part of a term that the export omits, or an empty text, and True if the term remains."""
     is_delay = isinstance(term, AbstractDelay) and term.channel == "voltage"
-    if is_delay or (isinstance(term, AbstractHold) and term.is_late):
+    is_late = isinstance(term, AbstractHold) and term.is_late
+    if is_delay or is_late or isinstance(term, AbstractVoltageFilter):
         return (
             ": the logged voltage lagged the terminals; the input of the export is the voltage at "
             "the terminals"

@@ -27,6 +27,7 @@ from identification.model.term import (
     AbstractTerm,
     AbstractTorque,
     AbstractVoltage,
+    AbstractVoltageFilter,
     Expression,
     Signals,
     Values,
@@ -88,6 +89,8 @@ class MotorModel:
     @property
     def held(self) -> Hold:
         """Inter-sample behaviour of the voltage; each `AbstractHold` term changes it."""
+        if self.voltage_filters:
+            return "zoh"
         terms = [term for term in self.terms if isinstance(term, AbstractHold)]
         if any(term.is_late for term in terms):
             return "late"
@@ -100,6 +103,11 @@ class MotorModel:
         return tuple(term for term in self.terms if isinstance(term, AbstractDelay))
 
     @property
+    def voltage_filters(self) -> tuple[AbstractVoltageFilter, ...]:
+        """Terms that return the terminal voltage from a filtered log."""
+        return tuple(term for term in self.terms if isinstance(term, AbstractVoltageFilter))
+
+    @property
     def averaged(self) -> tuple[int, ...]:
         """Indices of the channels that log averages: 0 for the current, 1 for the speed."""
         means = [term.channel for term in self.terms if isinstance(term, AbstractMean)]
@@ -107,17 +115,21 @@ class MotorModel:
 
     @property
     def advance(self) -> int:
-        """Number of samples by which the simulation reads the voltage ahead of the log."""
-        return sum(term.depth for term in self.delays if term.channel == "voltage")
+        """Number of samples by which the simulation reads the voltage ahead of the log.
+
+        It is negative if it reads the voltage behind the log.
+        """
+        ahead = sum(term.depth for term in self.delays if term.channel == "voltage")
+        return ahead - sum(term.behind for term in self.voltage_filters)
 
     @property
     def edges(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Samples at both ends of a record that depend on data outside it, for each channel.
 
-        At the start this is the longest delay, plus one for an averaged channel.  At the end it is
-        the advance of the voltage.
+        At the start this is the longest delay, plus one for an averaged channel, or the samples by
+        which the voltage is read behind the log.  At the end it is the advance of the voltage.
         """
-        first, last = [0, 0], self.advance
+        first, last = [max(-self.advance, 0)] * 2, max(self.advance, 0)
         for term in self.delays:
             for k, channel in enumerate(CHANNELS):
                 if term.channel in (channel, "voltage"):
@@ -223,7 +235,7 @@ class MotorModel:
 
     def _signals(self, state: Expression, inputs: Expression, parameter: Expression) -> Signals:
         # Splitting a vector once takes less time than taking its elements one by one.
-        column = dict(zip(INPUTS, ca.vertsplit(inputs), strict=True))
+        column: dict[str, Expression] = dict(zip(INPUTS, ca.vertsplit(inputs), strict=True))
         first = len(DECLARED)
         own = [parameter[first + k] for k in range(len(self.unlogged.parameters))]
         return Signals(
@@ -236,6 +248,8 @@ class MotorModel:
             run=column["run"],
             peak_temperature=column["peak_temperature"],
             temperature_rate=column["temperature_rate"],
+            voltage_change=column["voltage_next"] - column["voltage"],
+            interval=column["interval"] * column["substeps"],
         )
 
     def _values(self, parameter: Expression) -> tuple[Values, list[Values]]:

@@ -32,7 +32,8 @@ _UNARY: Final = {
 _SIGNS: Final = {"-": "−", "<": "&lt;"}
 _SYMBOLS: Final = {
     "current": "i", "speed": "ω", "voltage": "v", "temperature": "T", "angle": "φ", "time": "t",
-    "peak_temperature": "T_peak", "temperature_rate": "dT/dt",
+    "peak_temperature": "T_peak", "temperature_rate": "dT/dt", "voltage_next": "v_next",
+    "interval": "h",
 }  # fmt: skip
 _PARAMETERS: Final = {"Ra25": "R_25", "Kt25": "K_25", "alpha_Ra": "α_R", "alpha_Kt": "α_K"}
 _COEFFICIENTS: Final = {_PARAMETERS["Ra25"]: "R_a", _PARAMETERS["Kt25"]: "K_t"}
@@ -139,11 +140,12 @@ def printed_equations(model: MotorModel) -> dict[str, str]:
         [_SYMBOLS.get(name, name) for name in INPUTS],
         [_PARAMETERS.get(name, name) for name in parameters],
     )
-    function = ca.Function(
-        "equations",
-        [state, inputs, parameter],
-        [model.rates(state, inputs, parameter), model.logged(state, inputs, parameter)],
-    )
+    substeps = inputs[INPUTS.index("substeps")]
+    whole = [
+        ca.substitute(equations(state, inputs, parameter), substeps, 1)
+        for equations in (model.rates, model.logged)
+    ]
+    function = ca.Function("equations", [state, inputs, parameter], whole)
     graph = Graph()
     rates, logged = translated(
         function,
@@ -174,6 +176,8 @@ def printed_equations(model: MotorModel) -> dict[str, str]:
         equations[f"{CHANNELS[k]} channel"] = (
             f"The {CHANNELS[k]} channel is the mean over the sample interval that ends."
         )
+    if any(term.behind for term in model.voltage_filters):
+        equations["voltage samples"] = "v is the voltage of the sample before, v_next the sample's."
     for term in model.delays:
         equations[f"{term.channel} channel"] = (
             f"The {term.channel} channel is logged {term.name}.delay later."

@@ -102,11 +102,10 @@ class Simulator:
         ahead = self.model.advance
         if not ahead:
             return inputs
-        shifted = inputs.copy()
-        rows = np.minimum(np.arange(inputs.shape[0]) + ahead, inputs.shape[0] - 1)
-        for name in ("voltage", "voltage_next"):
-            column = INPUTS.index(name)
-            shifted[:, column] = inputs[rows, column]
+        shifted, logged = inputs.copy(), inputs[:, INPUTS.index("voltage")]
+        for later, name in enumerate(("voltage", "voltage_next")):
+            rows = np.clip(np.arange(logged.size) + ahead + later, 0, logged.size - 1)
+            shifted[:, INPUTS.index(name)] = logged[rows]
         return shifted
 
     def carries(self, states: Sequence[Array], lanes: int) -> list[Array]:

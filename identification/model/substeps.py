@@ -102,8 +102,7 @@ def divided(inputs: Array, substeps: Substeps, hold: Hold) -> Array:
     """Inputs (n_row, n_input) with one row per substep, from those of the samples."""
     rows = np.repeat(inputs, substeps.counts, axis=0)
     begins, shares = substeps.begins, substeps.shares
-    counted = {"substep": begins / shares, "substeps": 1.0 / shares}
-    part = _part(rows.T, hold, begins, shares) | counted
+    part = _part(rows.T, hold, begins, shares) | {"substep": begins / shares}
     return np.column_stack([part[name] for name in INPUTS])
 
 
@@ -121,6 +120,7 @@ def _part(
     whole = row["interval"]
     row["time"] = row["time"] + whole * begin
     row["interval"], row["turn"] = whole * share, row["turn"] * share
+    row["substeps"] = row["substeps"] / share
     return row
 
 

@@ -7,12 +7,13 @@ A term is a frozen class with parameters and a formula:
     AbstractCoefficient   factor on Ra, Kt, L, J or b                    [-]
     AbstractTemperature   effective temperature of winding or magnet     [degC]
     AbstractSupply        terminal voltage that differs from the log     [V]
+    AbstractVoltageFilter the same, of a log that a filter has smoothed  [V]
     AbstractSensor        sensor reading that differs from the state     [A] or [rad/s]
     AbstractDelay         delay of a channel relative to the others      [s]
     AbstractMean          average over sample intervals as the reading of a channel
     AbstractHold          other inter-sample behaviour of the voltage
 
-The first six have one abstract method each, the formula.  Any term may add states of its own
+The first seven have one abstract method each, the formula.  Any term may add states of its own
 (`states` and `rates`).  `composite.py` adds terms to the nominal equations through these interfaces
 alone, so a new effect is one class in one file.
 
@@ -43,6 +44,7 @@ __all__ = [
     "AbstractTerm",
     "AbstractTorque",
     "AbstractVoltage",
+    "AbstractVoltageFilter",
     "Channel",
     "Equation",
     "Expression",
@@ -112,6 +114,10 @@ class Signals:
     turn: Expression = None
     """Change of the angle over an integration step, for torques that are averages over it; None for
     instantaneous ones [rad]."""
+    voltage_change: Expression = None
+    """Change of the logged voltage until the next sample [V]."""
+    interval: Expression = None
+    """Sample interval, zero at the last sample of a record [s]."""
 
 
 @dataclass(frozen=True)
@@ -225,6 +231,16 @@ class AbstractSupply(AbstractTerm):
     @abstractmethod
     def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
         """Terminal voltage, given the one without this term [V]."""
+
+
+class AbstractVoltageFilter(AbstractSupply):
+    """Terminal voltage that a low-pass filter smooths before it is logged.
+
+    The terminal voltage is held between samples.
+    """
+
+    behind: int = 0
+    """Number of samples by which the simulation reads the voltage behind the log."""
 
 
 class AbstractSensor(AbstractTerm):

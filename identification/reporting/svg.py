@@ -35,6 +35,7 @@ __all__ = [
     "path",
     "span",
     "svg",
+    "svg_file",
     "text",
     "tick_words",
     "ticks",
@@ -141,6 +142,12 @@ def svg(width: float, height: float, title: str, description: str, body: str) ->
         f'<title id="{key}t">{title}</title><desc id="{key}d">{description}</desc>'
         f"{body}</svg>"
     )
+
+
+def svg_file(drawing: str, style: str) -> str:
+    """Content of a file with one SVG element and its style, CSS without the tags."""
+    tagged = drawing.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1)
+    return tagged.replace(">", f"><style>{style}</style>", 1) + "\n"
 
 
 def path(x: Array, y: Array, kind: str, closed: bool = False) -> str:

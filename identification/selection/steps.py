@@ -169,7 +169,7 @@ def lacks_more(state: State) -> bool:
 def enrich(state: State) -> None:
     """Replace effects by extended variants of their laws, as long as the variants are accepted."""
     for found in effects_of(state.current.fit.simulator.model.terms):
-        left = list(found.richer)
+        left = [*found.richer, *found.rival_laws]
         while left and not state.trials.budget.spent:
             term = left.pop(0)
             richer = state.trials.enriched(state.current, term)
@@ -186,15 +186,20 @@ def enrich(state: State) -> None:
 def backward(state: State) -> None:
     """Remove effects that no longer meet the criteria; the last remaining effect is kept.
 
-    It is cheap, so it does not end with the budget: a fit without the effect that is cut short only
-    makes the effect seem to gain more.
+    An effect is also removed if it makes up for the law of another one, of which a rival law needs
+    no second effect.  It is cheap, so it does not end with the budget: a fit without the effect
+    that is cut short only makes the effect seem to gain more.
     """
     for term in state.current.fit.simulator.model.terms:
         if len(state.current.fit.simulator.model.terms) < 2:
             return
         simpler = state.trials.without(state.current, term)
-        if not state.trials.criteria(state.current, simpler).passed:
-            state.current = simpler
+        others = effects_of(simpler.fit.simulator.model.terms)
+        laws = [law for other in others for law in other.rival_laws]
+        for model in (simpler, *(state.trials.enriched(simpler, law) for law in laws)):
+            if not state.trials.criteria(state.current, model).passed:
+                state.current = model
+                break
 
 
 def exchange(state: State) -> None:

@@ -18,7 +18,7 @@ from identification.model.printing import printed_equations
 SYMBOLS = {
     "current": "i", "speed": "ω", "voltage": "v", "temperature": "T", "angle": "φ", "time": "t",
     "peak_temperature": "T|peak", "temperature_rate": "dT/dt", "Ra25": "R|25", "Kt25": "K|25",
-    "alpha_Ra": "α|R", "alpha_Kt": "α|K",
+    "alpha_Ra": "α|R", "alpha_Kt": "α|K", "voltage_next": "v|next", "interval": "h",
 }  # fmt: skip
 FUNCTIONS = {
     "ln": math.log, "sin": math.sin, "cos": math.cos, "tanh": math.tanh, "exp": math.exp,
@@ -73,6 +73,7 @@ def test_each_printed_equation_is_the_simulated_one(name: str, scales: CampaignS
     model = MotorModel((CATALOGUE[name].candidates(scales)[0].term,))
     rng = np.random.default_rng(4)
     point = {key: rng.uniform(0.2, 0.9) for key in (*model.state_names, *INPUTS)}
+    point["substeps"] = 1.0
     values = {
         p.name: float(np.clip(rng.uniform(0.2, 0.9), p.lower, p.upper)) for p in model.parameters
     }

@@ -12,6 +12,7 @@ import subprocess
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 import typer
@@ -216,6 +217,15 @@ def test_every_equation_of_the_source_has_a_function() -> None:
         assert cited, place
         for file, name in cited:
             assert name in definitions(file), f"{file} has no {name}"
+
+
+def test_every_drawing_is_well_formed() -> None:
+    """A browser shows an error in place of one that is not."""
+    drawings = list((ROOT / "docs").glob("**/*.svg"))
+    assert drawings
+    for drawing in drawings:
+        root = ElementTree.parse(drawing).getroot()
+        assert root.tag == "{http://www.w3.org/2000/svg}svg", drawing
 
 
 def test_changelog_begins_with_this_version() -> None:
