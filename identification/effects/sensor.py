@@ -33,6 +33,28 @@ _INDUCTANCES = (0.5, 0.2, 0.05)
 the lags of each channel is unchanged."""
 
 
+def _traded(
+    scales: CampaignScales, channel: str, *rest: float
+) -> tuple[tuple[Array, dict[str, float]], ...]:
+    """Starts at which the inductance returns the lag that it has taken from a channel's sensor.
+
+    A fit without a lag of the current explains it by a larger inductance.  That lags the speed as
+    well, so that a filter of the speed lacks its lag too; it is returned if a lag of the current
+    takes its part.  The parameters of a start are the lag [s] and `rest`.
+    """
+    lag = scales.nominal("L") / scales.nominal("Ra25")
+    other = f"{'speed' if channel == 'current' else 'current'}_filter.time_constant"
+    time = scales.effects.get(other)
+    if time is None and channel == "speed":
+        return ()
+    found = []
+    for left in _INDUCTANCES:
+        returned = (1.0 - left) * lag
+        factors = {"L": left} | ({} if time is None else {other: 1.0 + returned / time})
+        found.append((np.array([returned, *rest]), factors))
+    return tuple(found)
+
+
 @dataclass(frozen=True)
 class _Filter(AbstractEffect, AbstractSensor):
     """First- or second-order low-pass filter between a quantity x and its logged value.
@@ -94,30 +116,9 @@ class _Filter(AbstractEffect, AbstractSensor):
         found = []
         for order, second in ((1, ()), (2, (0.4,))):
             starts = columns(*[(time, *second) for time in scanned])
-            found.append(Candidate(cls(*ends, order), starts, traded=cls._traded(scales, second)))
+            traded = _traded(scales, cls.channel, *second)
+            found.append(Candidate(cls(*ends, order), starts, traded=traded))
         return found
-
-    @classmethod
-    def _traded(
-        cls, scales: CampaignScales, second: tuple[float, ...]
-    ) -> tuple[tuple[Array, dict[str, float]], ...]:
-        """Starts at which the inductance returns the lag that it has taken from the filter.
-
-        A fit without a filter of the current explains its lag by a larger inductance.  That lags
-        the speed as well, so that a filter of the speed lacks its lag too; it is returned if a
-        filter of the current takes its part.
-        """
-        lag = scales.nominal("L") / scales.nominal("Ra25")
-        other = f"{'speed' if cls.channel == 'current' else 'current'}_filter.time_constant"
-        time = scales.effects.get(other)
-        if time is None and cls.channel == "speed":
-            return ()
-        found = []
-        for left in _INDUCTANCES:
-            returned = (1.0 - left) * lag
-            factors = {"L": left} | ({} if time is None else {other: 1.0 + returned / time})
-            found.append((np.array([returned, *second]), factors))
-        return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -217,9 +218,10 @@ class ChannelDelay(AbstractEffect, AbstractDelay):
         starts = columns(*[(f * scales.interval,) for f in (0.5, 1.5, 3.5, 6.5)])
         # The current may jump at every voltage sample, so each interval can have a local optimum.
         tried = scales.interval * np.arange(0.5, depth, 0.5)[None, :]
+        traded = {name: _traded(scales, name) for name in ("current", "speed")} | {"voltage": ()}
         return [
-            Candidate(cls(channel, depth, scales.interval), starts, tried=tried)
-            for channel in ("current", "speed", "voltage")
+            Candidate(cls(name, depth, scales.interval), starts, tried=tried, traded=starting)
+            for name, starting in traded.items()
         ]
 
 

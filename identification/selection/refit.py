@@ -84,7 +84,8 @@ def fitted_candidate(
         return found
     if limits.budget is not None:
         limits = replace(limits, budget=Budget(limits.budget.left + (operations() - began)))
-    other = refitted_with(fit, candidate.final, returned, limits)
+    moved = [replace(start, is_moved=True) for start in returned]
+    other = refitted_with(fit, candidate.final, moved, limits)
     return min(found, other, key=lambda one: one.cost)
 
 

@@ -82,6 +82,8 @@ class Start:
     """For each record initial values of the new states; default values if empty."""
     along: Along | None = None
     """Predicted change of the fit; None holds it."""
+    is_moved: bool = False
+    """True if the fit is moved along by the whole change, and not held or moved by a part of it."""
 
 
 def begun(
@@ -150,9 +152,10 @@ def _shortened(
     position, states = whole
     known = set(fit.coordinates.names)
     is_size = np.array([p.name not in known and p.vanishes for p in coordinates.parameters])
-    shares = _SHARES if is_size.any() else _SHARES[:1]
+    shares = _SHARES if is_size.any() and not start.is_moved else _SHARES[:1]
     changes = [Along(np.zeros_like(position), tuple(np.zeros_like(state) for state in states))]
     if start.along is not None:
+        changes = [] if start.is_moved else changes
         changes.append(_following(fit, model, coordinates, start.along))
     found = []
     for change in changes:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from identification.effects.sensor import CurrentFilter, SpeedFilter
+from bench import EffectRequest, make_campaign
+from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit, TerminationLimits
@@ -19,6 +20,7 @@ from identification.selection.candidates import scales_of
 from identification.selection.lagged import started
 from identification.selection.start import Start
 from identification.selection.trials import Trials
+from tests.effects.hidden import records_of_bench
 
 R, K, L, J, B, FILTER, STEP, ROWS = 4.2, 0.018, 3e-3, 2.5e-6, 8e-6, 10e-3, 1e-3, 1500
 SPEED_FILTER = 5e-3
@@ -82,6 +84,23 @@ def test_filters_of_both_sensors_leave_the_inductance_of_the_motor() -> None:
     assert found["L"] == pytest.approx(L, rel=0.2)
     assert found["current_filter.time_constant"] == pytest.approx(FILTER, rel=0.05)
     assert found["speed_filter.time_constant"] == pytest.approx(SPEED_FILTER, rel=0.05)
+
+
+def test_a_delay_of_the_speed_is_told_from_the_inductance_beside_a_filter_of_the_current() -> None:
+    """One large inductance lags both channels by as much; only its whole change fits better."""
+    lags = [EffectRequest("channel_delay", 0.1, "speed"), EffectRequest("current_filter", 0.12)]
+    measured = make_campaign(28_010_044, lags, seed=28_000_044, rows=600, validation=1)
+    fit = fit_declared(records_of_bench(measured).training, "zoh")
+    for law, variant in ((CurrentFilter, ""), (ChannelDelay, "speed")):
+        own = law.candidates(scales_of(fit))
+        (candidate,) = (one for one in own if one.term.variant == variant)
+        fit = refit.fitted_candidate(fit, candidate, [Start(candidate.starts[:, 0])])
+    found, truth = fit.by_name, measured.truth
+
+    delay, lag = (effect["values"]["time"] for effect in truth["effects"])
+    assert found["L"] == pytest.approx(truth["parameters"]["L"], rel=0.02)
+    assert found["channel_delay.delay"] == pytest.approx(delay, rel=0.02)
+    assert found["current_filter.time_constant"] == pytest.approx(lag, rel=0.02)
 
 
 @pytest.fixture(scope="module")
