@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 import casadi as ca
+import numpy as np
 
 from identification.effects.confusion import BRUSHES, INDUCTANCE, TORQUE_CONSTANT
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
@@ -152,11 +153,17 @@ class _Saturation(AbstractEffect, AbstractCoefficient):
         )  # fmt: skip
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        ratio = signals.current / self.reference
-        size = ratio * ratio + 1e-4
         lasting = getattr(values, self.lasting.name)
-        fall = values.fall / (1 - lasting) * ca.exp(0.5 * values.exponent * ca.log(size))
-        return lasting + (1 - lasting) / (1 + fall)
+        return self._remaining(signals.current, values.fall, values.exponent, lasting)
+
+    def _remaining(
+        self, current: Expression, fall: Expression, exponent: Expression, lasting: Expression
+    ) -> Expression:
+        """Fraction of the coefficient that remains at a current [-]."""
+        ratio = current / self.reference
+        size = ratio * ratio + 1e-4
+        relative = fall / (1 - lasting) * ca.exp(0.5 * exponent * ca.log(size))
+        return lasting + (1 - lasting) / (1 + relative)
 
 
 @register
@@ -215,10 +222,24 @@ class InductanceSaturation(_Saturation):
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate, with starts from the onset of saturation to little more than leakage.
 
-        The nominal inductance is that at the usual current, far from that at zero current, so the
-        scores of most starts understate the gain of a refit.
+        The nominal inductance is that at the usual current, far from that at zero current.  A
+        prototype is therefore scored with its inductance at that current unchanged, and a refit
+        starts with the larger inductance at zero current.
         """
-        term = cls(1.5 * scales.current)
         starts = [(0.3, 1.3, 0.1), (0.3, 2.5, 0.1), (1.0, 1.3, 0.4), (1.0, 2.5, 0.1)]
         starts += [(3.0, 1.3, 0.4), (3.0, 2.5, 0.4), (5.0, 2.0, 0.15)]
-        return [Candidate(term, columns(*starts))]
+        term, scored = (kind(1.5 * scales.current) for kind in (cls, _ScoredInductance))
+        raised = [1.0 / float(term._remaining(scales.current, *start)) for start in starts]
+        traded = tuple(
+            (np.array(start), {"L": factor}) for start, factor in zip(starts, raised, strict=True)
+        )
+        return [Candidate(scored, columns(*starts), fitted=term, traded=traded)]
+
+
+class _ScoredInductance(InductanceSaturation):
+    """Prototype that leaves the inductance at the usual current, two thirds of i_0, unchanged."""
+
+    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
+        own = values.fall, values.exponent, values.leakage
+        usual = self._remaining(self.reference / 1.5, *own)
+        return super().factor(signals, states, values) / usual
