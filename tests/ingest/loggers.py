@@ -76,6 +76,20 @@ def _wide(first: list[object]) -> list[list[object]]:
     return [[time, *row[1:]] for time, row in zip(first, rows(), strict=True)]
 
 
+def _stamped(form: str, delimiter: str) -> str:
+    """Lines of the record, the header among them, behind the time at which each arrived."""
+    lines = [
+        delimiter.join(map(str, cells))
+        for cells in [list[object](_ALL), *(row[1:] for row in rows())]
+    ]
+    return "\n".join([form.format(ms=max(k - 1, 0)) + line for k, line in enumerate(lines)] + [""])
+
+
+def _signed(value: object) -> str:
+    """Number with blanks between its sign and its digits."""
+    return f"{'-' if str(value).startswith('-') else '+'}   {str(value).lstrip('-')}"
+
+
 _LONG = [
     [row[0], name, value, unit]
     for row in rows()
@@ -185,6 +199,32 @@ LOGGERS = (
             '"{name}";"01.03.2026 08:00:00,{ms}";{value};1',
         ),
         mapping=_NAMED,
+    ),
+    device(
+        "monitor.txt",
+        "serial monitor of Arduino, the time of arrival in front of each line",
+        _stamped("08:00:00.{ms:03d} -> ", ","),
+    ),
+    device(
+        "platformio.txt",
+        "serial monitor of PlatformIO, cells between blanks",
+        _stamped("08:00:00.{ms:03d} > ", " "),
+    ),
+    device(
+        "teraterm.log",
+        "Tera Term, date and time in brackets, cells between tabs",
+        _stamped("[2026-03-01 08:00:00.{ms:03d}] ", "\t"),
+    ),
+    device(
+        "signs.csv",
+        "Graphtec, signs apart from their numbers",
+        text(
+            (f"NO.,Time,ms,{','.join(_UNITS_ABOVE)},Alarm1-4",),
+            [
+                [k, *_times("{ms:3d}")[k][:2], *map(_signed, row[1:]), "LLLL"]
+                for k, row in enumerate(rows())
+            ],
+        ),
     ),
     device("months.csv", "MATLAB dates", stamped("01-Mar-2026 08:00:00.{}")),
     device("halves.csv", "Dewesoft dates with AM and PM", stamped("3/1/2026 11:59:59.{} PM")),
