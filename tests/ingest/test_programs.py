@@ -14,7 +14,7 @@ from identification.ingest.text import samples
 from identification.ingest.text.bare import BareCells
 from tests.ingest.devices import text
 from tests.ingest.loggers import long, stacked
-from tests.ingest.programs import epoch
+from tests.ingest.programs import EPOCH_NS, epoch
 from tests.ingest.samples import record, write
 from tests.ingest.writers import RECORD, rows
 
@@ -186,3 +186,18 @@ def test_message_says_what_to_do(
         read_run(path)
 
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us"])
+def test_nanoseconds_since_1970_are_read_in_no_coarser_unit(tmp_path: Path, unit: str) -> None:
+    """ROS writes them under a name without a unit; the error gives the unit to type."""
+    head = "%time,field.header.seq,voltage_V,current_A,speed_rad_s"
+    lines = [[EPOCH_NS + k * 10**6, k, *row[1:4]] for k, row in enumerate(rows())]
+    path = tmp_path / "run.csv"
+    path.write_text(text((head,), lines))
+
+    with pytest.raises(errors.WrongUnit, match="later than the year 5000; expected ns"):
+        read_run(path, mapping={"time_s": {"column": "time", "unit": unit}})
+
+    run = read_run(path, mapping={"time_s": {"column": "time", "unit": "ns"}})
+    np.testing.assert_allclose(np.diff(run.time), 1e-3, rtol=1e-6)

@@ -8,12 +8,14 @@ import decimal
 import re
 
 from identification.ingest.display import quoted
+from identification.ingest.units import UNITS
 
 __all__ = [
     "ClockTimes",
     "LongTimes",
     "clock_of",
     "expected_instead",
+    "finer_unit",
     "is_clock",
     "is_number",
     "is_number_word",
@@ -44,6 +46,7 @@ _YEAR_FIRST = re.compile(r"(?P<y>\d{4})[./-](?P<m>\d{1,2})[./-](?P<d>\d{1,2})", 
 _DAY_FIRST = re.compile(r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})", re.ASCII)
 # No elapsed time; the year 2001.
 _SINCE_1970_S = 1e9
+_LATEST_S = 1e11
 _SECOND = 1_000_000_000
 _DAY = 86_400 * _SECOND
 
@@ -131,6 +134,21 @@ def clock_of(cell: str, seconds: float, first: str = "") -> ClockTimes | LongTim
     if number is not None and float(number) * seconds >= _SINCE_1970_S:
         return LongTimes(first if is_number(first) else number)
     return ClockTimes(first) if is_time_of_day(cell) else None
+
+
+def finer_unit(cell: str, seconds: float) -> str:
+    """Unit of a time since 1970 that would be later than the year 5000 in its unit, else blank.
+
+    Args:
+        cell: First time, such as 1772352000001000000 of ROS.
+        seconds: Its unit [s].
+    """
+    number = number_text(cell.replace(",", "."), ".")
+    if number is None or float(number) * seconds < _LATEST_S:
+        return ""
+    times = (unit for unit in UNITS if unit.quantity == "time")
+    known = (u.name for u in times if _SINCE_1970_S <= float(number) * u.factor < _LATEST_S)
+    return next(known, "")
 
 
 class LongTimes:

@@ -27,7 +27,7 @@ from identification.errors import (
 )
 from identification.ingest.channels import Channel
 from identification.ingest.directions import direction_of
-from identification.ingest.display import quoted
+from identification.ingest.display import plain, quoted
 from identification.ingest.faults import Faults
 from identification.ingest.reader import blank_cell, not_finite
 from identification.ingest.text.blocks import Block
@@ -36,6 +36,7 @@ from identification.ingest.text.cells import (
     LongTimes,
     clock_of,
     expected_instead,
+    finer_unit,
     is_number_word,
     number_text,
     split_cells,
@@ -321,13 +322,19 @@ def _clocks(channels: Sequence[Channel], layout: Layout) -> dict[str, ClockTimes
     """Readers of times of day, or since 1970, by channel; all count from the same time.
 
     Raises:
-        WrongUnit: The mapping scales times of day.
+        WrongUnit: The mapping scales times of day, or a time is absurd in its unit.
     """
     clocks: dict[str, ClockTimes | LongTimes] = {}
     first = ""
     for time in (channel for channel in channels if channel.unit.quantity == "time"):
         cell = layout.sample[time.column.index] if time.column.index < len(layout.sample) else ""
         seconds = 0.0 if time.offset else time.scale * time.unit.factor
+        if finer := finer_unit(cell, seconds):
+            raise WrongUnit(
+                f"{cell} {time.unit.name} since 1970 is later than the year 5000; expected {finer}",
+                column=time.column.label,
+                examples=[{"time_s": {"column": plain(time.column.title, 80), "unit": finer}}],
+            )
         clock = clock_of(cell, seconds, first)
         is_scaled = (time.unit.name, time.scale, time.offset) != ("s", 1.0, 0.0)
         if isinstance(clock, ClockTimes) and is_scaled:
