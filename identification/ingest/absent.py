@@ -140,6 +140,7 @@ def _numbered(columns: Sequence[Column]) -> list[Column]:
         for column in columns
         if not column.quantities
         and not any(is_setpoint(t) or similar_to(t, "temperature") for t in column.texts)
+        and not any(similar_to(t, q) for t in column.texts for q in ("current", "speed"))
         and (
             column.unit.quantity == "voltage"
             if column.unit is not None
@@ -161,13 +162,20 @@ def _unnamed_columns(
     """
     entries: dict[str, object] = {}
     free = iter(unnamed)
+    # CH2 in A beside others in V is that of a current probe.
+    others = [column for column in columns if column not in unnamed]
+    near = {name: similar_columns(name, others)[:1] for name in names if name in _GAINS}
     hint, derived = _derivations([name for name in names if name == "time_s"], columns)
     for name in names:
-        column = next(free, None) if name in _GAINS else None
-        one = _with_gain(name, column) if column else example(name, None)
+        is_given = name not in _GAINS or bool(near[name])
+        column = None if is_given else next(free, None)
+        one = _with_gain(name, column) if column else example(name, *(near.get(name) or (None,)))
         entries |= derived[0] if name == "time_s" else one
     known = "".join(f"{name} is {quoted(title)}; " for name, title in found.items())
-    lacking = sum(name in _GAINS for name in names) - len(unnamed)
+    known += "".join(
+        f"{n} may be {quoted(c.title)}; " for n, near_n in near.items() for c in near_n
+    )
+    lacking = sum(not column for column in near.values()) - len(unnamed)
     more = f"; record {lacking} more, as the file has too few" if lacking > 0 else ""
     unit = "".join(f" in {text}" for text in unnamed[0].unit_texts[:1]) or " without a unit"
     probes = [f"{c.title} (by {c.attenuation:g})" for c in unnamed if c.attenuation != 1.0]

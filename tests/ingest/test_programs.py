@@ -174,6 +174,21 @@ def test_decimal_sign_of_the_times_is_not_that_of_the_numbers(
             '{"voltage_V": {"column": "Vm:Voltage / mV", "unit": "mV"}}',
         ),
     ],
+        (
+            b"Time(s),CH1(V),CH2(A),CH3(V)\n" + b"0,1,2,3\n" * 9,
+            errors.MissingColumn,
+            "time_s is 'Time(s)'; current_A may be 'CH2(A)'; 'CH1(V)', 'CH3(V)' in V have no name",
+        ),
+        (
+            b"time_s,voltage_V,velocity_0,effort_0\n" + b"0,1,2,3\n" * 9,
+            errors.MissingColumn,
+            "no column for current_A, speed_rad_s; speed_rad_s may be 'velocity_0'",
+        ),
+        (
+            b"time_s,voltage_V,current_A,erpm\n" + b"0,1,2,3\n" * 9,
+            errors.MissingColumn,
+            '{"column": "erpm", "scale": "TURNS_PER_ELECTRICAL_TURN", "unit": "rpm"}',
+        ),
 )
 def test_message_says_what_to_do(
     tmp_path: Path, content: bytes, error: type[errors.RunFileError], words: str
