@@ -199,13 +199,6 @@ BROKEN_TABLES = (
         "most lines have a single number: export the time",
     ),
     Refusal(
-        "channels of TwinCAT with different clocks",
-        b"Name\tu\tName\ti\nSampleTime[ms]\t1\tSampleTime[ms]\t2\n"
-        + b"".join(b"%d\t1.5\t%d\t0.5\n" % (k, 2 * k) for k in range(20)),
-        errors.UnsupportedContent,
-        r"different clocks \(sampletime\[ms\] '1', '2'\); write TDMS",
-    ),
-    Refusal(
         "a header in each segment",
         REPEATED_LVM.encode(),
         errors.UnsupportedContent,

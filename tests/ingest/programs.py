@@ -31,6 +31,20 @@ def _paired(*keys: str) -> list[str]:
     return ["\t".join(f"{key}\t{value}" for value in values[key]) for key in keys]
 
 
+# Rows of TwinCAT Scope above one group of channels.
+_SCOPE = (
+    ("Starttime of export", ("132959733843760000", "Monday, 2 May 2022", "15:56:24.376")),
+    ("Name", [f"Motor {name}" for name in NAMES]),
+    ("SymbolComment", [""] * 4),
+    ("Data-Type", ["LREAL"] * 4),
+    ("SampleTime[ms]", ["1"] * 4),
+    ("Offset", ["0"] * 4),
+    ("BitMask", ["0xffffffffffffffff"] * 4),
+    ("Unit", [f"{unit} (Quantity)" for unit in DEVICE_UNITS]),
+    ("Unit ScaleFactor", ["1"] * 4),
+)
+
+
 def _influx() -> str:
     """Annotations, and a header again above each field."""
     lines = []
@@ -50,6 +64,16 @@ PROGRAMS = (
         text(
             _paired("Name", "Data-Type", "SampleTime[ms]", "Unit"),
             [[c for x in row[1:] for c in (ms, x)] for ms, row in zip(_MS, rows(), strict=True)],
+            "\t",
+        ),
+        implied=True,
+    ),
+    device(
+        "twincat_group.csv",
+        "TwinCAT, one time for the channels of one sample time",
+        text(
+            ["Name\tMotor", *("\t".join([key, *values]) for key, values in _SCOPE), ""],
+            [[ms, *row[1:]] for ms, row in zip(_MS, rows(), strict=True)],
             "\t",
         ),
         implied=True,

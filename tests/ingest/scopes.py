@@ -127,6 +127,16 @@ SCOPES = (
         },
     ),  # fmt: skip
     device(
+        "singular.csv",
+        "Rohde & Schwarz RTH, units in title lines",
+        text(
+            ("Horizontal Unit;s", "Vertical Unit;" + ";".join(DEVICE_UNITS), "TIME;C1;C2;C3;C4"),
+            rows(),
+            ";",
+        ),
+        mapping=numbered("C"),
+    ),
+    device(
         "capital.csv",
         "Tektronix DPO, seconds as S",
         text(
@@ -134,6 +144,20 @@ SCOPES = (
             rows(),
         ),
         mapping=numbered("CH"),
+    ),
+    device(
+        "hashed.csv",
+        "Tektronix MDO, all title lines as comments",
+        text(
+            (
+                "#Horizontal Units,s,,,",
+                "#Sample Interval,1e-03,,,",
+                "#Vertical Units," + ",".join(DEVICE_UNITS),
+                "#Label," + ",".join(NAMES),
+                f"#TIME,{CHANNELS}",
+            ),
+            rows(),
+        ),
     ),
     device(
         "keyless.csv",

@@ -9,6 +9,7 @@ import pytest
 
 from identification import errors
 from identification.ingest import file, read_run
+from identification.ingest.read import list_columns
 from identification.ingest.several_files import join_files
 from identification.ingest.text import samples
 from identification.ingest.text.bare import BareCells
@@ -173,7 +174,6 @@ def test_decimal_sign_of_the_times_is_not_that_of_the_numbers(
             errors.MissingColumn,
             '{"voltage_V": {"column": "Vm:Voltage / mV", "unit": "mV"}}',
         ),
-    ],
         (
             b"Time(s),CH1(V),CH2(A),CH3(V)\n" + b"0,1,2,3\n" * 9,
             errors.MissingColumn,
@@ -189,6 +189,7 @@ def test_decimal_sign_of_the_times_is_not_that_of_the_numbers(
             errors.MissingColumn,
             '{"column": "erpm", "scale": "TURNS_PER_ELECTRICAL_TURN", "unit": "rpm"}',
         ),
+    ],
 )
 def test_message_says_what_to_do(
     tmp_path: Path, content: bytes, error: type[errors.RunFileError], words: str
@@ -201,6 +202,39 @@ def test_message_says_what_to_do(
         read_run(path)
 
     assert words in str(caught.value)
+
+
+def test_groups_of_twincat_have_their_own_clocks(tmp_path: Path) -> None:
+    """Three channels at 1 ms, the temperature at 10 ms from -3 ms on, with decimal commas."""
+    head = [
+        "Name\tVoltage\tCurrent\tSpeed\tName\tTemperature",
+        "SampleTime[ms]\t1\t1\t1\tSampleTime[ms]\t10",
+        "Unit\tV (Voltage)\tmA (Current)\trpm (Velocity)\tUnit\t°C (Temperature)",
+    ]
+    lines = [
+        [k, r[1], 1e3 * current, r[3], 10 * k - 3, 20 + k]
+        for k, (r, current) in enumerate(zip(rows(), RECORD["current_A"].tolist(), strict=True))
+    ]
+    path = tmp_path / "run.csv"
+    path.write_text(text(head, lines, "\t").replace(".", ","), encoding="utf-8")
+
+    run = read_run(path)
+
+    np.testing.assert_allclose(run.time, RECORD["time_s"], atol=1e-12)
+    np.testing.assert_allclose(run.current, RECORD["current_A"], rtol=1e-12)
+    assert run.temperature is not None
+    np.testing.assert_allclose(run.temperature, 20.3 + np.arange(40) / 10.0, rtol=1e-12)
+
+
+def test_title_lines_of_gw_instek_are_no_names(tmp_path: Path) -> None:
+    """A text in front of a blank cell stands above the times and the volts of one channel."""
+    titles = ("Source,CH2,", "Vertical Units,V,", "Horizontal Units,S,", "Firmware,V1.09,")
+    path = tmp_path / "run.csv"
+    path.write_text(text((*titles, "Time, ,", "Waveform Data,"), [[*r[:2], ""] for r in rows()]))
+
+    found = [(c.title, c.unit and c.unit.name) for c in list_columns(path)]
+
+    assert found == [("time", "s"), ("CH2", "V")]
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us"])

@@ -37,7 +37,7 @@ from identification.ingest.text.header import (
     HeaderRows,
     Line,
     Preamble,
-    is_keyed,
+    keyed_rows,
     read_preamble,
 )
 from identification.ingest.text.interval import stated_interval
@@ -117,14 +117,17 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
     if bare is not None:
         lines[at:] = [replace(line, text=bare.line(line.text)) for line in lines[at:]]
     _refuse_unclear_commas(lines[at:], delimiter, fields)
-    cells = [split_cells(line.text, delimiter) for line in lines[:at]]
+    noted = [line for line in comments if line.number < lines[at].number]
+    above = [*lines[:at], *noted]
+    cells = [split_cells(line.text, delimiter) for line in above]
     titles = [line.text for line in (*lines[:at], *comments)]
     preamble = replace(read_preamble(cells), interval=stated_interval(titles))
-    above = [line for line, one in zip(lines, cells, strict=False) if not is_keyed(one)]
+    keyed = {above[k].number for k in keyed_rows(cells)}
+    above, noted = ([x for x in y if x.number not in keyed] for y in (lines[:at], noted))
     if bare is not None and any(bare.labels):
         rows = []
     else:
-        rows = HeaderRows(delimiter, fields, lines[at]).above(above, comments, preamble.names())
+        rows = HeaderRows(delimiter, fields, lines[at]).above(above, noted, preamble.names())
     header = tuple(tuple(cells) for _, cells in rows)
     header += bare.header if bare is not None else ()
     bare = _with_clock(bare or BareCells.of(delimiter, [""] * fields), header, lines[at:]) or bare

@@ -12,7 +12,7 @@ The preamble gives names, units and the sample clock of the columns:
                     beside the samples also Source and Probe Atten
     Keysight        XUnits, YUnits
     Rigol           Sequence, below the columns Start and Increment; t0 = and tInc = in the header
-    TwinCAT         Name beside each name, Unit beside each unit, any other key beside each value
+    TwinCAT         Name, Unit and others above each group of channels (`twincat`)
 
 The first cell of such a line is its key; the others stand above the columns that they describe.
 """
@@ -29,8 +29,9 @@ from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.names import LONGEST_CELL, is_channel_name, is_units_row
 from identification.ingest.text.cells import is_number, number_text, split_cells
+from identification.ingest.text.twincat import scope_rows
 
-__all__ = ["KEYS", "HeaderRows", "Line", "Preamble", "is_keyed", "read_preamble"]
+__all__ = ["KEYS", "HeaderRows", "Line", "Preamble", "keyed_rows", "read_preamble"]
 
 _MOST_ROWS = 5
 _WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
@@ -38,8 +39,8 @@ _WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
 _FRACTION = re.compile(r"0\d+", re.ASCII)
 
 _NAMES = ("tracename", "label")
-_UNITS = ("y_unit_label", "vunit", "vertical units", "yunits")
-_TIME_UNIT = ("hunit", "horizontal units", "xunits")
+_UNITS = ("y_unit_label", "vunit", "vertical units", "vertical unit", "yunits")
+_TIME_UNIT = ("hunit", "horizontal units", "horizontal unit", "xunits")
 _START = ("x0", "hoffset")
 _STEP = ("delta_x", "hresolution")
 _COLUMNS = "x_columns"
@@ -54,7 +55,6 @@ KEYS = frozenset((*_NAMES, *_UNITS, *_TIME_UNIT, *_START, *_STEP, _COLUMNS, _SEQ
 """Keys, in lower case, of the lines that are no header rows."""
 
 _LABVIEW_TIME = "x_value"
-_PAIRED = "sampletime[ms]"
 # Columns and cells of a header that give the clock once, and have no cells in the samples.
 _CLOCK = re.compile(r"|comment|start|increment|(?P<key>t0|tinc) *= *(?P<number>\S+?)s?", re.I)
 
@@ -79,17 +79,17 @@ class HeaderRows:
     def above(
         self, lines: list[Line], comments: list[Line], names: Sequence[str] = ()
     ) -> list[tuple[Line, list[str]]]:
-        """Find the header rows above the first sample, each with its cells, from top to bottom.
+        """Find the header rows among the lines, each with its cells, from top to bottom.
 
-        Comments are searched if the lines hold no header.  Without any header the one row is blank:
-        the columns have names from the preamble of a device, or numbers.
+        Comments above the first sample are searched if the lines hold no header.  Without any
+        header the one row is blank: the columns have names from the preamble of a device, or
+        numbers.
 
         Raises:
             RunFileError: The header has another number of cells than the samples, one of its cells
                 is too long, or a line between names and samples is a damaged sample.
         """
-        before = [line for line in comments if line.number < self._sample.number]
-        rows = self._collect(lines) or self._collect(before)
+        rows = self._collect(lines) or self._collect(comments)
         if not rows and not names:
             self._refuse_ragged(lines)
         return rows or [(self._sample, [""] * self._fields)]
@@ -100,7 +100,7 @@ class HeaderRows:
         for line in reversed(lines[-_MOST_ROWS:]):
             cells = self._fitted(line)
             apart = bool(rows) and rows[0][0].number - line.number > 1
-            if cells is None or (named and apart):
+            if cells is None or (named and apart) or _is_title(cells):
                 break
             for number, cell in enumerate(cells, 1):
                 if len(cell) > LONGEST_CELL:
@@ -235,7 +235,7 @@ class Preamble:
 
     def _refuse_different_clocks(self) -> None:
         """Reject channels with different starts or intervals in one table."""
-        for key in (*_START[:1], *_STEP[:1], _PAIRED):
+        for key in (*_START[:1], *_STEP[:1]):
             values = {cell for cell in self.lines.get(key, [])[1:] if cell}
             if len(values) > 1:
                 raise UnsupportedContent(
@@ -295,13 +295,7 @@ def read_preamble(rows: Sequence[list[str]]) -> Preamble:
     above: list[str] = []
     for cells in rows:
         key = _key(cells)
-        if _is_paired(cells) and key == "name":
-            found[_NAMES[0]] = [cell if k % 2 else "" for k, cell in enumerate(cells)]
-        elif _is_paired(cells) and key == "unit":
-            found[_UNITS[1]] = [cell if k % 2 else "" for k, cell in enumerate(cells)]
-        elif _is_paired(cells) and key == _PAIRED:
-            found |= {_PAIRED: ["", *cells[1::2]], _TIME_UNIT[0]: ["", "ms"]}
-        elif key in KEYS or key in _FURTHER:
+        if key in KEYS or key in _FURTHER:
             found[key] = cells
             if key == _SEQUENCE and above:
                 found |= _sequence(above, cells)
@@ -310,6 +304,9 @@ def read_preamble(rows: Sequence[list[str]]) -> Preamble:
                 name = _START[0] if given["key"] in ("t0", "T0") else _STEP[0]
                 found[name] = ["", given["number"]]
         above = [cell.casefold() for cell in cells]
+    _, names, units = scope_rows(rows)
+    if names:
+        found |= {_NAMES[0]: names, _UNITS[1]: units, _TIME_UNIT[0]: ["", "ms"]}
     return Preamble(found)
 
 
@@ -330,17 +327,15 @@ def _float(text: str) -> float:
     return float(number) if number is not None else math.nan
 
 
-def is_keyed(cells: Sequence[str]) -> bool:
-    """Return True for a line that begins with a known key; it is no header row."""
-    return _key(cells) in KEYS or _is_paired(cells)
+def keyed_rows(rows: Sequence[list[str]]) -> set[int]:
+    """Indices of the lines that begin with a known key, given their cells: no header rows."""
+    known = (k for k, cells in enumerate(rows) if _key(cells) in KEYS)
+    return {*known, *scope_rows(rows)[0]}
 
 
-def _is_paired(cells: Sequence[str]) -> bool:
-    """Return True for a line with one key in front of the value of each channel."""
-    if len(cells) < 4 or len(cells) % 2 or len(set(cells[::2])) > 1 or is_number(cells[0]):
-        return False
-    # Tables may also have a column of times in front of each channel.
-    return _key(cells) not in ("", _LABVIEW_TIME) and not is_channel_name(cells[0])
+def _is_title(cells: list[str]) -> bool:
+    """Return True for one text in front of blank cells, such as ``Waveform Data`` of GW Instek."""
+    return bool(cells[0]) and not any((*cells[1:], is_channel_name(cells[0]), is_units_row(cells)))
 
 
 def _key(cells: Sequence[str]) -> str:
