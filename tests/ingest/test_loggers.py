@@ -268,6 +268,7 @@ def test_a_wincc_archive_counts_millionths_of_a_day(tmp_path: Path) -> None:
         ("Sample period: 250 us", 250e-6),
         ('"Sample Interval","0,5","s"', 0.5),
         ("Sampling rate;10 kS/s", 1e-4),
+        ("; Samplerate: 1 kHz", 1e-3),
         ("Horizontal Units,ms\nSample interval,2 ms", 2e-3),
     ],
 )

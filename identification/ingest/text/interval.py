@@ -18,7 +18,7 @@ __all__ = ["interval_warning", "stated_interval"]
 
 # A title line that states the interval or the rate, and each number with a unit in it.
 _PACE = re.compile(
-    r"\W*(?:(?:sampl\w*|time|recording)[ _](?:interval|period|rate)|(?P<clock>clock))\b", re.I
+    r"\W*(?:(?:sampl\w*|time|recording)[ _]?(?:interval|period|rate)|(?P<clock>clock))\b", re.I
 )
 _PACES = re.compile(r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\W{0,3}([a-zµμ/]+)", re.I)
 _RATE = re.compile(r"(?P<prefix>[kMG]?)(?:Hz|Sa?/s)")
