@@ -50,7 +50,7 @@ def test_lines_like_most_are_not_taken_apart_cell_by_cell(
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("#CLOCK=1.00mS", "", "CH1 (40 values, nan s), CH2 (40 values"),
+        ("#CLOCK=1.00mS", "", "CH1 (40 values, no interval), CH2 (40 values"),
         ("#CLOCK=1.00mS", "#CLOCK=2.00mS", "CH1 (40 values, 0.002 s), CH2 (40 values, 0.001 s)"),
         ("#CHANNEL:CH2", "#CH2", "'#CH2' (40 values, 0.001 s), CH3"),
         ("\n12.", "\nx12.", "CH1 (39 values, 0.001 s), CH2 (40 values"),

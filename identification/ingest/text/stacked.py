@@ -63,7 +63,10 @@ def stacked_table(blocks: Iterable[Block], file: str) -> ColumnTable:
     if not all(names) or not steps[0] > 0.0 or len({*zip(counts, steps, strict=True)}) > 1:
         shown = [plain(n) or quoted(t[0]) for n, (t, _) in zip(names, channels, strict=True)]
         each = zip(shown, counts, steps, strict=True)
-        found = ", ".join(f"{name} ({count} values, {step:g} s)" for name, count, step in each)
+        found = ", ".join(
+            f"{name} ({count} values, {f'{step:g} s' if step > 0.0 else 'no interval'})"
+            for name, count, step in each
+        )
         raise UnsupportedContent(
             f"the channels below one another are {found}; expected above each a title line with "
             "its name and one with its sample interval, such as CHANNEL:CH2 and CLOCK=1.0mS, and "
