@@ -19,6 +19,7 @@ from app.http.dependencies import CallerDep, RequestKey, ServicesDep
 from app.pages.forms import number, texts_of
 from app.pages.rendering import Page
 from app.pages.views import located, run_view
+from app.runs.choice import corrected
 from app.runs.schemas import RunOut
 from app.texts import parts
 from identification.result.numbers import number_text, unit_prefix, unit_text
@@ -102,6 +103,9 @@ def _choose(services: Services, caller: Caller, form: Mapping[str, str], motor: 
         shown = choice_of(services, caller, motor)
         proposed = shown["runs"] if shown["is_proposal"] else ()
         roles = {run["id"]: run["role"] for run in proposed} | roles
+    if gesture in ("all", "pattern"):
+        # The page lists the newest run first.
+        roles |= dict.fromkeys(corrected(runs[::-1]), "")
     services.choice.set_roles(caller, roles)
 
 

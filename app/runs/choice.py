@@ -23,7 +23,7 @@ from app.storage import Storage
 from app.tables import RunRow
 from app.texts import check_text, checked_label
 
-__all__ = ["ROLES", "RunChoice", "proposed_roles"]
+__all__ = ["ROLES", "RunChoice", "corrected", "proposed_roles"]
 
 ROLES: Final = ("training", "validation")
 
@@ -109,11 +109,21 @@ class RunChoice:
         return self._previews[key]
 
 
+def corrected(runs: Sequence[RunRow]) -> set[str]:
+    """IDs of runs of which a later run has the same file with another mapping."""
+    latest = {run.sha256: run.id for run in runs}
+    return {run.id for run in runs} - set(latest.values())
+
+
 def proposed_roles(runs: Sequence[RunRow]) -> dict[str, str]:
     """Role of each run by ID: by its file name, or else the least extreme run validates.
 
-    The runs are those of one motor in the order of recording.
+    The runs are those of one motor in the order of recording.  Runs that were corrected have none.
     """
+    earlier = corrected(runs)
+    if earlier:
+        others = [run for run in runs if run.id not in earlier]
+        return dict.fromkeys(earlier, "") | proposed_roles(others)
     named = {run.id for run in runs if _VALIDATION.search(run.file)}
     if not named or len(named) == len(runs):
         named = set()

@@ -218,7 +218,9 @@ class PendingRuns:
                 session.delete(row)
                 if is_new:
                     columns = {name: getattr(row, name) for name in _KEPT}
-                    session.add(new_run(row.found["summary"], *content, **columns))
+                    run = new_run(row.found["summary"], *content, **columns)
+                    run.role = _taken_role(session, run)
+                    session.add(run)
             if is_new:
                 new += 1
             else:
@@ -250,6 +252,16 @@ class PendingRuns:
 def _is_outdated(row: PendingRow) -> bool:
     """True if a pending run was examined with an earlier mapping than its own."""
     return bool(row.found["mapping"] != row.mapping)
+
+
+def _taken_role(session: Session, run: RunRow) -> str | None:
+    """Role that a run takes from an earlier run of the same file, whose mapping it corrects."""
+    query = select(RunRow).filter_by(workspace=run.workspace, sha256=run.sha256, motor=run.motor)
+    taken = None
+    for earlier in session.scalars(query.with_for_update()):
+        if earlier.role:
+            taken, earlier.role = earlier.role, ""
+    return taken
 
 
 def _mapping_of_bench(session: Session, workspace: str, bench: str | None) -> dict[str, Any] | None:

@@ -146,6 +146,24 @@ def test_a_stored_run_that_is_reopened_is_new_once_its_mapping_changes(page: Pag
     assert ">Add 1 run</button>" in after
 
 
+def test_corrected_run_takes_the_role_of_the_earlier_one(page: Page) -> None:
+    """The earlier run of the file stays stored without a role, so a fit has the file once."""
+    page.drop(scope_text(27), "scope.csv")
+    (wrong,) = re.findall(r'<article class="pending" id="(\w+)"', page.shown())
+    page.http.post(f"/pending/{wrong}/mapping", data=selected())
+    page.http.post("/pending/confirm")
+    page.http.post("/choice", data={f"role.{wrong}": "validation"})
+    page.http.post(f"/pending/{wrong}/reopen")
+    (right,) = re.findall(r'<article class="pending" id="(\w+)"', page.shown())
+    page.http.post(f"/pending/{right}/mapping", data=selected(**{"current_A__factor": "2"}))
+    page.http.post("/pending/confirm")
+
+    menus = re.findall(r'name="role\.(\w+)"(.*?)</select>', page.shown(), re.DOTALL)
+    roles = [(run, role) for run, menu in menus for role in re.findall(r" selected>(\w+)", menu)]
+
+    assert roles == [(right, "validation")]
+
+
 def test_all_files_are_discarded_at_once(page: Page, server: Server) -> None:
     """The stored runs remain."""
     page.drop(run_text(24))

@@ -12,11 +12,12 @@ def recorded(
     file: str,
     temperature: tuple[float, float] = (20.0, 30.0),
     speed: tuple[float, float] = (-100.0, 100.0),
+    sha256: str = "",
 ) -> RunRow:
     """Run with a file name, which identifies it, and the range of its temperature and speed."""
     ranges = {"temperature_degC": temperature, "speed_rad_s": speed}
     channels = {name: {"min": low, "max": high} for name, (low, high) in ranges.items()}
-    return RunRow(id=file, file=file, channels=channels)
+    return RunRow(id=file, file=file, channels=channels, sha256=sha256 or file)
 
 
 def validating(*runs: RunRow) -> set[str]:
@@ -62,3 +63,17 @@ def test_all_named_for_validation_is_no_decision() -> None:
     runs = [recorded(f"test_{n}.csv") for n in range(3)]
 
     assert validating(*runs) == {"test_2.csv"}
+
+
+def test_run_that_was_corrected_has_no_role() -> None:
+    """The same file with a later mapping takes its place, so no file both trains and validates."""
+    wrong, right = recorded("wrong", sha256="one file"), recorded("right", sha256="one file")
+
+    roles = proposed_roles([wrong, recorded("b.csv"), recorded("c.csv"), right])
+
+    assert roles == {
+        "wrong": "",
+        "b.csv": "training",
+        "c.csv": "training",
+        "right": "validation",
+    }
