@@ -184,7 +184,8 @@ def _parameters(result: Mapping[str, Any]) -> Table:
     table.add_column("identified")
     entries: dict[str, Mapping[str, Any]] = dict(result["parameters"])
     for effect in result.get("effects") or ():
-        entries |= effect["parameters"]
+        # Two effects may have a parameter of the same name, such as a torque.
+        entries |= {f"{effect['name']}.{name}": e for name, e in effect["parameters"].items()}
     for name, entry in entries.items():
         factor, unit = unit_prefix(entry["unit"], [entry["median"]])
         text = entry_text(entry, factor)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -146,19 +147,29 @@ def _print(found: Mapping[str, Any]) -> None:
 
 
 def _table(found: Mapping[str, Any]) -> Table:
-    """Probability and, for each required metric, its worst quantile over the temperatures."""
+    """Probability and range of each metric over the temperatures, a column for each controller."""
     from app.commands.console import table_with
+    from identification.result.numbers import unit_prefix, unit_text
     from identification.tuning import METRICS
 
-    names = [*METRICS, "peak_current"]
-    labels = ["probability", *(name.replace("_", " ") for name in names)]
-    table = table_with("Controllers", "controller", right=labels)
-    for entry in found["controllers"]:
-        cells = []
-        for name in names:
-            quantities = [at[name] for at in entry["temperatures"]]
-            ends = [q[key] for q in quantities for key in ("q05", "q95") if q[key] is not None]
-            cells.append(f"{min(ends):.3g} .. {max(ends):.3g} {quantities[0]['unit']}"
-                         if ends else "-")  # fmt: skip
-        table.add_row(entry["controller"], f"{entry['probability']:.3f}", *cells)
+    entries = found["controllers"]
+    table = table_with("Controllers", "metric", right=[entry["controller"] for entry in entries])
+    table.add_row("probability", *(f"{entry['probability']:.3f}" for entry in entries))
+    for name in (*METRICS, "peak_current"):
+        quantities = [[at[name] for at in entry["temperatures"]] for entry in entries]
+        ranges = [
+            [q[k] for q in of for k in ("q05", "q95") if q[k] is not None] for of in quantities
+        ]
+        factor, unit = unit_prefix(quantities[0][0]["unit"], itertools.chain(*ranges))
+        label = f"{name.replace('_', ' ')} [{unit_text(unit)}]"
+        table.add_row(label, *(_range(factor, ends) for ends in ranges))
     return table
+
+
+def _range(factor: float, ends: Sequence[float]) -> str:
+    """Smallest and largest value of a metric."""
+    from identification.result.numbers import UNKNOWN, number_text
+
+    if not ends:
+        return UNKNOWN
+    return " .. ".join(number_text(factor * end, 3) for end in (min(ends), max(ends)))

@@ -51,6 +51,21 @@ def test_tuned_controller_is_accepted_by_feedback(
     assert controller in capsys.readouterr().out
 
 
+def test_four_controllers_fit_into_a_terminal_of_80_characters(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each metric has one line, with its unit, and each controller a column."""
+    monkeypatch.setattr("app.commands.console._PIPE_WIDTH", 80)
+    controllers = ["P:1", "PI:1.23,4.56", "PI+FF:1.23,4.56,0.789", "PID:0.861,1.99,9.9e-05"]
+    words = ["tune", *PAPER, "--temperature", "25", "--controller", *controllers]
+
+    assert main([*words, "--spec", "rise_time=1,sample_time=1e-2"]) == 0
+
+    lines = capsys.readouterr().out.splitlines()
+    (rise,) = (line for line in lines if line.startswith("rise time [ms] "))
+    assert rise.count(" .. ") == 4
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
