@@ -67,6 +67,7 @@ _WORDS = {
     HTTPStatus.UNSUPPORTED_MEDIA_TYPE: "media_type",
 }
 _MOST_ERRORS = 20
+_NOT_KNOWN = "not known; /docs lists the members of the request"
 _log = logging.getLogger(__name__)
 
 
@@ -233,7 +234,9 @@ async def _validation(request: Request, error: Exception) -> JSONResponse:
     fields = [
         FieldProblem(
             field=".".join(str(part) for part in entry["loc"]),
-            detail=entry["msg"].removeprefix("Value error, "),
+            detail=_NOT_KNOWN
+            if entry["type"] == "extra_forbidden"
+            else entry["msg"].removeprefix("Value error, "),
         )
         for entry in found[:_MOST_ERRORS]
     ]

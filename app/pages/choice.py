@@ -17,6 +17,7 @@ from app.errors import FieldRefused
 from app.fits.schemas import FitCreate
 from app.http.dependencies import CallerDep, RequestKey, ServicesDep
 from app.pages.forms import number, texts_of
+from app.pages.pending import finding_view
 from app.pages.rendering import Page
 from app.pages.views import located, run_view
 from app.runs.choice import corrected
@@ -244,14 +245,7 @@ def prospects_view(found: Mapping[str, Any] | None, training: int) -> dict[str, 
             {"text": ": ".join(filter(None, (e["file"], located(e)))), "code": e["code"]}
             for e in found["errors"]
         ],
-        "findings": [
-            {
-                "is_refused": f["severity"] == "refuse",
-                "code": f["code"],
-                "text": ": ".join(word for word in (f["file"], f["column"], f["message"]) if word),
-            }
-            for f in found["findings"]
-        ],
+        "findings": [finding_view(finding) for finding in found["findings"]],
         "notes": found["notes"],
     }
 

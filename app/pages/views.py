@@ -93,7 +93,8 @@ def _option(value: object) -> str:
 
 def span(name: str, low: float, high: float) -> str:
     """Range of a channel with its unit."""
-    return f"{low:.3g} … {high:.3g} {_CHANNELS[name]}".replace("-", "\u2212")
+    ends = (f"{end:.0f}" if 1e3 <= abs(end) < 1e6 else f"{end:.3g}" for end in (low, high))
+    return f"{' … '.join(ends)} {_CHANNELS[name]}".replace("-", "\u2212")
 
 
 def duration(seconds: float) -> str:

@@ -117,7 +117,10 @@ def _suggested(columns: Sequence[Column]) -> dict[str, str]:
     A user sees the suggestion and confirms it by correcting another field; nothing is read with it.
     """
     found: dict[str, str] = {}
-    for channel, quantity in CHANNEL_QUANTITIES.items():
+    # Twice: a column T may be the time until it is the only one for the temperature.
+    for channel, quantity in [*CHANNEL_QUANTITIES.items()] * 2:
+        if channel in found:
+            continue
         free = [column for column in columns if column.title not in found.values()]
         candidates = (
             [column for column in free if column.canonical == channel]

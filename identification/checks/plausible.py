@@ -147,7 +147,7 @@ def _fast(run: Run, speed: float, tip: float, constant: float) -> Finding:
     return suspicious_unit(
         run,
         "speed_rad_s",
-        f"reaches {speed:.4g} rad/s ({speed * 30 / math.pi:.3g} rpm) at a Kt of {constant:.3g} "
+        f"reaches {speed:.4g} rad/s ({speed * 30 / math.pi:.0f} rpm) at a Kt of {constant:.3g} "
         "V s/rad, too fast for a motor of this torque; if the values are in rpm, Kt is 9.55 times "
         "larger (compare Kt = Ke with the data sheet)",
         "estimated surface speed of the rotor [m/s]" if is_tip else "speed [rad/s]",

@@ -15,6 +15,13 @@ def test_column_with_the_name_of_a_channel_is_suggested(page: Page) -> None:
     assert re.search(r"<option[^>]* selected[^>]*>time_s<", menu.partition("</select>")[0])
 
 
+def test_time_is_suggested_if_another_column_is_the_only_temperature(page: Page) -> None:
+    """`T` may be a time or a temperature, `time` only a time."""
+    run = page.drop(scope_text(5).replace(b"t,CH1", b"time,CH1"), "scope.csv")
+    menu = page.shown().partition(f'id="{run}"')[2].partition("Column of time")[2]
+    assert re.search(r"<option[^>]* selected[^>]*>time<", menu.partition("</select>")[0])
+
+
 def test_unreadable_file_is_corrected_by_selection(page: Page) -> None:
     """12 V are entered as CH1 in V; a speed of 1 rpm is 0.1047 rad/s."""
     run = page.drop(scope_text(2), "scope.csv")

@@ -70,3 +70,18 @@ def test_precision_of_a_coefficient_near_zero_is_in_its_unit() -> None:
     }  # fmt: skip
     shown = prospects_view(found, 1)["parameters"]
     assert [one["precision"] for one in shown] == ["± 16 %", "± 6.6 ×10⁻⁴"]
+
+
+def test_contradiction_of_the_chosen_runs_has_its_correction() -> None:
+    """The correction is in the fields of the mapping, as on the page of a refused fit."""
+    finding = {
+        "code": "scaled_channel", "severity": "refuse", "file": "a.csv", "column": "speed_rad_s",
+        "message": "the values are probably in rpm",
+        "corrections": ["a.csv:speed_rad_s=n * 0.10471975512"],
+    }  # fmt: skip
+    found = {"parameters": {}, "errors": [], "findings": [finding], "notes": []}
+
+    (shown,) = prospects_view(found, 2)["findings"]
+
+    assert shown["text"] == "Speed: the values are probably in rpm"
+    assert shown["corrections"] == ["speed from column n, sign +, factor 0.10471975512"]

@@ -6,7 +6,7 @@ import pytest
 
 from app.fits.schemas import FitSummary, Progress
 from app.pages.analysis_views import by_motor
-from app.pages.views import fit_view, run_view
+from app.pages.views import fit_view, run_view, span
 from app.runs.schemas import RunOut
 from app.tables import RunRow
 from tests.app.rows import fit_row
@@ -25,6 +25,11 @@ def test_run_is_shown_with_units() -> None:
     assert shown["ranges"]["voltage_V"] == "\u221212 … 12 V"
     assert shown["ranges"]["temperature_degC"] == "–"
     assert shown["received"] == "2026-11-21 12:00 UTC"
+
+
+def test_thousands_are_written_without_an_exponent() -> None:
+    """A speed of 31 580 rpm is 3307 rad/s, not 3.31e+03."""
+    assert span("speed_rad_s", -3012.4, 3306.8) == "\u22123012 … 3307 rad/s"
 
 
 def test_warnings_of_a_run_name_the_column() -> None:
