@@ -248,6 +248,7 @@ def _hovers(marks: Sequence[Mark], across: Array, bottom: float, unit: str) -> s
 
 _BOX = (92.0, 10.0, 358.0, 150.0)
 _MOST_LABELS = 4
+_LABEL, _PER_LETTER = 30.0, 9.6
 
 
 def history_figure(
@@ -275,13 +276,17 @@ def history_figure(
     factor, unit = unit_prefix(unit, [largest])
     power = unit_power(factor * largest)
     scale = factor * 10.0**-power
-    frame = Frame(_BOX, (-0.5, len(refits) - 0.5), span(scale * low, scale * high, margin=0.12))
+    heights = span(scale * low, scale * high, margin=0.12)
+    words = tick_words(*heights, 4)
+    # Room for the longest tick label beside the label of the axis.
+    left = max(_BOX[0], _LABEL + _PER_LETTER * max(len(word) for _, word in words))
+    box = (left, _BOX[1], _BOX[0] + _BOX[2] - left, _BOX[3])
+    frame = Frame(box, (-0.5, len(refits) - 0.5), heights)
     # A date at each fit, or at some of many.
     below = "".join(
         text(float(frame.x(k)), _BOX[1] + _BOX[3] + 14, times[k][:10], "tick mid", time=times[k])
         for k in range(0, len(times), -(-len(times) // _MOST_LABELS))
     )
-    words = tick_words(*frame.y_range, 4)
     body = framed(frame, words, f"{name} [{scaled_unit(unit, power)}]", below)
     across = frame.x(places)
     body += path(across, frame.y(scale * middle), "zero")

@@ -62,3 +62,13 @@ def test_few_labels_are_drawn_for_many_fits() -> None:
     labels = re.findall(r'data-time="([^"]+)"[^>]*>([^<]+)<', figure)
     assert labels[0] == ("2000-11-01T21:00:00Z", "2000-11-01")
     assert 3 <= len(labels) <= 5
+
+
+def test_tick_labels_leave_room_for_the_label_of_the_axis() -> None:
+    """A value of seven digits with a tight interval has labels of nine characters."""
+    tight = Estimate(1.0998123, 1e-7, 1.0998121, 1.0998125, True)
+    figure = drawn(Refit("motor", "succeeded", {"Ra25": tight}))
+
+    labels = re.findall(r'<text class="tick end" x="([\d.]+)"[^>]*>([^<]+)<', figure)
+    assert max(len(label) for _, label in labels) >= 8
+    assert all(float(x) - 9.0 * len(label) > 22.0 for x, label in labels)
