@@ -9,6 +9,7 @@ from typing import Any, Final
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
+from identification.result.effect_texts import effect_words
 from identification.result.missing_terms import undrawn_sentence
 from identification.result.models import reason_of
 from identification.result.numbers import interval_text, listed, number_text
@@ -97,7 +98,7 @@ def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _found_sentence(found: Found, term: AbstractEffect) -> str:
-    words = found.name.replace("_", " ").capitalize()
+    words = effect_words(found.name).capitalize()
     words += f" ({term.variant})" if term.variant else ""
     training, unseen = found.criteria.training, found.criteria.validation
     validation = (
@@ -110,17 +111,18 @@ def _found_sentence(found: Found, term: AbstractEffect) -> str:
         form = f"the law of a {term.variant}" if is_law else f"a curve over {drivers}"
         text = (
             f"No effect of the catalogue explains the missing {missing} of the {term.equation} "
-            f"equation; {form} represents it. With it, the simulation error "
-            f"{_change(training)} on the training runs{validation}."
+            f"equation; {form} represents it. With it, the simulation error, averaged over current "
+            f"and speed, {_change(training)} on the training runs{validation}."
         )
     else:
         text = (
-            f"{words} acts in the {term.equation} equation. With it, the simulation "
-            f"error {_change(training)} on the training runs{validation}."
+            f"{words} acts in the {term.equation} equation. With it, the simulation error, "
+            f"averaged over current and speed, {_change(training)} on the training "
+            f"runs{validation}."
         )
     if found.others:
         others = ", ".join(
-            name.replace("_", " ") + (f" ({100 * share:.0f} %)" if found.is_comparable else "")
+            effect_words(name) + (f" ({100 * share:.0f} %)" if found.is_comparable else "")
             for name, share in found.others
         )
         text += f" Alternatives that the runs do not exclude: {others}."
@@ -135,8 +137,11 @@ def _change(fall: float, previous: float | None = None) -> str:
 
 
 def _percent(fall: float) -> str:
-    """Relative change of an RMS value in per cent, from the fall of its logarithm."""
-    return f"{100 * abs(1 - _power(-fall)):.1f} %"
+    """Change of the RMS error in per cent, geometric mean over current and speed.
+
+    `fall` is that of its logarithm, summed over the two channels.
+    """
+    return f"{100 * abs(1 - _power(-0.5 * fall)):.1f} %"
 
 
 def _power(exponent: float) -> float:
@@ -156,7 +161,7 @@ def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
     )
     if not moved:
         return ""
-    effects = [name.replace("_", " ") for name in effects]
+    effects = [effect_words(name) for name in effects]
     biases = [f"{name} is {_off(relative)}" for name, relative in moved]
     return (
         f"The nominal model omits {listed(effects)}, and its estimates are therefore biased: "
@@ -207,9 +212,12 @@ def _equation(name: str, terms: Mapping[str, AbstractEffect]) -> str:
 
 
 def _changes(criteria: AcceptanceCriteria | None) -> tuple[float | None, float | None]:
-    """Explained fraction of the squared training error, change of the validation error [-]."""
+    """Explained fraction of the squared training error, change of the validation error [-].
+
+    Both are geometric means over current and speed, over which the falls are summed.
+    """
     if criteria is None:
         return None, None
-    explained = max(0.0, 1 - _power(-2 * criteria.training))
+    explained = max(0.0, 1 - _power(-criteria.training))
     unseen = criteria.validation
-    return explained, None if unseen is None else _power(-2 * unseen) - 1
+    return explained, None if unseen is None else _power(-unseen) - 1

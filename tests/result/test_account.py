@@ -65,13 +65,23 @@ def test_a_channel_is_named_once_among_what_remains() -> None:
     assert account.remaining == (told["diagnosis"]["remaining"]["sentence"],)
 
 
+def test_fall_of_the_error_is_the_mean_of_both_channels() -> None:
+    """A factor exp(-0.7) over both channels is exp(-0.35) for each, or 0.5 of its square."""
+    account = account_of(outcome("coulomb_friction"), result(), fit_with(CoulombFriction(1.0, 1.0)))
+
+    assert account is not None
+    assert "averaged over current and speed, falls by 29.5 %" in " ".join(account.sentences)
+    (row, *_) = account.candidates
+    assert row.explained == pytest.approx(0.503, abs=1e-3)
+
+
 def test_a_shift_is_reported_with_its_interval_and_its_cause() -> None:
     """The shift of b, 11 % (10.5 to 11.5 %), is attributed to the omitted friction."""
     account = account_of(outcome("coulomb_friction"), result(), fit_with(CoulombFriction(1.0, 1.0)))
 
     assert account is not None
     told = " ".join(account.sentences)
-    assert "The nominal model omits coulomb friction" in told
+    assert "The nominal model omits Coulomb friction" in told
     assert "b is 11.00 % too high (10.50 to 11.50 %)" in told
     assert "viscous temperature (3 %)" in told
     assert account.remaining == (
