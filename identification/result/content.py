@@ -305,6 +305,10 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
     campaign, final = analysis.campaign, analysis.final
     runs = (*campaign.training_runs, *campaign.validation_runs)
     stopped = (options.effort, options.time_limit if findings.interrupted else None)
+    temperatures = _temperatures(findings)
+    # An estimate tells more than the note of its file that there is no temperature.
+    covered = {"no_temperature"} if temperatures else set()
+    notes = [w for run in runs for w in run.warnings if w.code not in covered]
     return [
         *(contradiction_warning(one, runs[0]) for one in findings.contradicted),
         *findings.admission.warnings,
@@ -320,9 +324,9 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
         *([] if missed else surrogate_warnings(final, findings.omitted)),
         *confounded_warnings(final, findings.fraction, findings.omitted),
         *known_only_warnings(final, findings.fraction),
-        *_temperatures(findings),
+        *temperatures,
         *campaign.warnings,
-        *(ResultWarning(w.code, "note", str(w)) for run in runs for w in run.warnings),
+        *(ResultWarning(note.code, "note", str(note)) for note in notes),
     ]
 
 

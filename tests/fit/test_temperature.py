@@ -96,6 +96,7 @@ def test_a_warning_gives_the_estimated_temperatures_of_the_runs(
     """The prior coefficient is 0.0035 1/K; the motor has 0.0039 1/K and starts at 30 degC."""
     warnings: Any = never_logged.result["warnings"]
     (told,) = [text for text in warnings if "was not logged" in text]
+    assert not any("no temperature column" in text for text in warnings)
 
     rise = 0.0039 / (1 + 0.0039 * 5) / 0.0035
     for name, warmer in (("run1.csv", 30.0), ("run2.csv", 60.0), ("run3.csv", 20.0)):
