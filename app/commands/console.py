@@ -151,12 +151,14 @@ def print_feedback(entries: Sequence[Mapping[str, Any]]) -> None:
 
 
 def print_rows(columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print a table of numbers and texts."""
+    """Print a table of numbers and texts, with a dash for what the runs do not determine."""
     table = table_with("", *columns)
     for row in rows:
-        table.add_row(
-            *(f"{row[k]:.5g}" if isinstance(row[k], float) else str(row[k] or "") for k in columns)
-        )
+        cells = []
+        for name in columns:
+            cell = row[name] if row.get(f"{name}_identified") is not False else UNKNOWN
+            cells.append(f"{cell:.5g}" if isinstance(cell, float) else str(cell or ""))
+        table.add_row(*cells)
     results_console().print(table)
 
 
@@ -182,11 +184,15 @@ def _parameters(result: Mapping[str, Any]) -> Table:
 
     table = table_with("Parameters", "name", "unit", right=("median", "90 % interval"))
     table.add_column("identified")
-    entries: dict[str, Mapping[str, Any]] = dict(result["parameters"])
+    rows: list[tuple[str, Mapping[str, Any]]] = [*result["parameters"].items()]
     for effect in result.get("effects") or ():
-        # Two effects may have a parameter of the same name, such as a torque.
-        entries |= {f"{effect['name']}.{name}": e for name, e in effect["parameters"].items()}
-    for name, entry in entries.items():
+        # Below their effect: two effects may have a parameter of one name, such as a torque.
+        rows.append((effect["name"], {}))
+        rows += [(f"  {name}", entry) for name, entry in effect["parameters"].items()]
+    for name, entry in rows:
+        if not entry:
+            table.add_row(name)
+            continue
         factor, unit = unit_prefix(entry["unit"], [entry["median"]])
         text = entry_text(entry, factor)
         table.add_row(
