@@ -10,6 +10,7 @@ import numpy as np
 
 from app.pages.forms import FIELDS
 from identification.result.attempts import figure
+from identification.result.effect_texts import effect_words
 from identification.result.numbers import (
     UNKNOWN,
     listed,
@@ -44,7 +45,7 @@ def loop_view(loop: LoopAnalysis, result: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "figure": figure("step response", lambda: drawn_chart(step_figure(loop.steps))),
         "tables": feedback_tables(loop.feedback),
-        "effects": listed([str(e["name"]).replace("_", " ") for e in result.get("effects") or ()]),
+        "effects": listed([effect_words(e["name"]) for e in result.get("effects") or ()]),
         "remarks": loop.remarks,
     }
 
@@ -78,7 +79,7 @@ def tuning_view(found: Mapping[str, Any], remarks: tuple[str, ...]) -> dict[str,
         "figure": figure("step response", lambda: drawn_chart(step_figure(steps))),
         "temperatures": [f"{at['temperature_degC']:g} °C" for at in entry["temperatures"]],
         "rows": rows,
-        "effects": listed([name.replace("_", " ") for name in found["effects"]]),
+        "effects": listed([effect_words(name) for name in found["effects"]]),
         "remarks": remarks,
     }
 
@@ -214,7 +215,7 @@ def _fit_row(refit: Refit, changed: Sequence[str]) -> dict[str, Any]:
     role = "validation" if has_validation else "training"
     ratios = [refit.noise_ratios.get((role, channel)) for channel in ("current", "speed")]
     return {
-        "effects": ", ".join(name.replace("_", " ") for name in refit.effects) or "none",
+        "effects": ", ".join(effect_words(name) for name in refit.effects) or "none",
         "ratios": [UNKNOWN if ratio is None else number_text(ratio, 3) for ratio in ratios],
         "role": role,
         "changed": listed(changed),

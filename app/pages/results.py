@@ -6,7 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from identification.result.attempts import Attempts, figure
-from identification.result.effect_texts import alternative_texts, effect_probability
+from identification.result.effect_texts import (
+    alternative_texts,
+    effect_probability,
+    effect_words,
+)
 from identification.result.numbers import (
     UNKNOWN,
     entry_text,
@@ -52,7 +56,7 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
         | {_TONES[group.severity]: group.items for group in groups},
         "effects": [
             {
-                "name": _words(effect["name"]),
+                "name": effect_words(effect["name"]),
                 "variant": effect.get("variant") or "",
                 "equation": effect["equation"],
                 "drivers": ", ".join(effect["drivers"]) or "none (constant)",
@@ -67,16 +71,13 @@ def result_view(result: Mapping[str, Any], report: str) -> dict[str, Any]:
         "has_before": any(row.before for row in parameters),
         "errors": rows("table of errors", error_rows, result),
         "steps": report_figures(report, "loop"),
+        "proposed": [entry["controller"] for entry in (result.get("feedback_suited") or ())[:1]],
         "feedback": [
             *rows("loop that suits", feedback_tables, result.get("feedback_suited") or ()),
             *rows("table of the loop", feedback_tables, result.get("feedback") or ()),
         ],
         "remarks": attempts.remarks,
     }
-
-
-def _words(name: object) -> str:
-    return str(name).replace("_", " ")
 
 
 def comparison_view(
@@ -162,7 +163,7 @@ def _effects(first: Result, second: Result) -> list[dict[str, Any]]:
     """Probability of each effect in both fits; a dash where a fit does not have it."""
     found = [{e["name"]: effect_probability(e) for e in one["effects"]} for one in (first, second)]
     return [
-        {"name": _words(name), "probabilities": [one.get(name, UNKNOWN) for one in found]}
+        {"name": effect_words(name), "probabilities": [one.get(name, UNKNOWN) for one in found]}
         for name in dict.fromkeys([*found[0], *found[1]])
     ]
 

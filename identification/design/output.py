@@ -12,7 +12,7 @@ from identification.design.models import Quantity, parameter_quantity
 from identification.design.propose import Proposal
 from identification.design.response import load_shape
 from identification.result.entries import finite_or_null
-from identification.result.numbers import unit_prefix
+from identification.result.numbers import number_text, unit_prefix
 
 __all__ = ["profile_csv", "proposal_entry", "summary"]
 
@@ -114,8 +114,8 @@ def summary(proposal: Proposal) -> list[str]:
         factor, unit = unit_prefix(one.unit, [now, then])
         unit = "" if unit in ("-", "1") else f" {unit}"
         sentences.append(
-            f"Expected 90 % interval of {one.name}: {factor * then:.3g}{unit} wide instead of "
-            f"{factor * now:.3g}{unit}."
+            f"Expected 90 % interval of {one.name}: {number_text(factor * then, 3)}{unit} wide "
+            f"instead of {number_text(factor * now, 3)}{unit}."
         )
     if not quantity:
         sentences.append(f"Expected information on the parameters: {proposal.bits[0]:.1f} bits.")

@@ -29,6 +29,7 @@ from identification.fleet.pooling import LEAST_POOLED, Pool, Quantiles, pools_of
 from identification.fleet.refit import Refit
 from identification.quantities import DECLARED_PARAMETERS
 from identification.reporting.page import asset, page_environment, page_policy
+from identification.result.effect_texts import effect_words
 from identification.result.numbers import (
     Interval,
     interval_text,
@@ -262,7 +263,7 @@ def _motor(refit: Refit) -> dict[str, Any]:
 
 def _notes(refit: Refit) -> list[str]:
     """Effects, error and first warning of a motor, each as a sentence of its own."""
-    effects = ", ".join(effect.replace("_", " ") for effect in refit.effects)
+    effects = ", ".join(effect_words(effect) for effect in refit.effects)
     count = len(refit.warnings)
     return [
         *([f"Effects: {effects}"] if effects else []),

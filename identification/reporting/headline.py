@@ -18,6 +18,7 @@ from identification.result.effect_texts import (
     alternative_texts,
     effect_details,
     effect_probability,
+    effect_words,
     has_no_probability,
     is_surrogate,
     unexplained_words,
@@ -99,7 +100,7 @@ def headline_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]
 def _effects_sentence(result: Entry) -> str:
     effects: Sequence[Entry] = result["effects"]
     if any(has_no_probability(effect) for effect in effects):
-        names = listed([effect["name"].replace("_", " ") for effect in effects])
+        names = listed([effect_words(effect["name"]) for effect in effects])
         return f"No effect is certain: the fit added {names}, but {unexplained_words(result)}."
     surrogates = [effect for effect in effects if is_surrogate(effect)]
     found = [effect for effect in effects if effect not in surrogates]
@@ -126,7 +127,7 @@ def _with_equals(effect: Entry) -> str:
     others = effect.get("alternatives") or ()
     equals = [one["name"] for one in others if one["probability"] >= effect["probability"]]
     names = [effect["name"], *(name for name in equals if name != "unlisted")]
-    return " or ".join(name.replace("_", " ") for name in names)
+    return " or ".join(effect_words(name) for name in names)
 
 
 def effect_tiles(data: ReportData) -> list[Entry]:
@@ -140,7 +141,7 @@ def effect_tiles(data: ReportData) -> list[Entry]:
     candidates = data.account.candidates if data.account else ()
     return [
         dict(
-            name=effect["name"].replace("_", " ").capitalize(),
+            name=effect_words(effect["name"]).capitalize(),
             place=_place(effect),
             probability=effect_probability(effect),
             amount=_amount(effect["parameters"]),
@@ -239,7 +240,8 @@ def _loop_figures(result: Entry) -> list[KeyFigure]:
     if ends is None:
         return []
     cold, hot = ends
-    remark = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C, {cold['controller']}"
+    name = f"proposed {cold['controller']}" if suited else cold["controller"]
+    remark = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C, {name}"
     return [
         KeyFigure(label, "not determined", remark, "fair")
         if is_left_open(result, ends, key)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from identification.result.effect_texts import effect_words
 from identification.result.entries import Entry
 from identification.result.numbers import (
     UNKNOWN,
@@ -97,7 +98,7 @@ def _remark(simulated: Sequence[Entry]) -> str:
     if not simulated:
         return ""
     first = simulated[0]
-    words = " and ".join(name.replace("_", " ") for name in first["effects"])
+    words = " and ".join(effect_words(name) for name in first["effects"])
     ends = "; ".join(f"at {e['temperature_degC']:g} °C {e['statement']}" for e in simulated)
     return (
         f"The loop with {words} is nonlinear, so its response depends on the step size. The "

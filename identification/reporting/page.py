@@ -15,6 +15,7 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from identification.result.effect_texts import effect_words
 from identification.result.numbers import (
     UNKNOWN,
     count_text,
@@ -48,7 +49,7 @@ def page_environment(package: str) -> Environment:
         "count": count_text,
         "unit": unit_text,
         "capital": lambda text: text[:1].upper() + text[1:],
-        "words": lambda name: str(name).replace("_", " "),
+        "words": effect_words,
     }
     return environment
 

@@ -8,6 +8,7 @@ from identification.reporting.loops import loop_sentence
 from identification.result.effect_texts import (
     alternative_texts,
     effect_details,
+    effect_words,
     has_no_probability,
     unexplained_words,
 )
@@ -100,7 +101,7 @@ def _runs_and_rows(runs: Sequence[Entry]) -> str:
 def _effects(result: Entry) -> str:
     parts = []
     for effect in result["effects"]:
-        name = effect["name"].replace("_", " ")
+        name = effect_words(effect["name"])
         label = "driver" if len(effect["drivers"]) == 1 else "drivers"
         details = [f"{label}: {listed(effect['drivers'])}"] if effect["drivers"] else []
         details += [effect_details(effect)]

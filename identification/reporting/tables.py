@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.quantities import DECLARED_PARAMETERS
 from identification.reporting.loops import METRICS, MetricRow, metric_row
+from identification.result.effect_texts import effect_words
 from identification.result.entries import Entry, known_only_from
 from identification.result.numbers import (
     UNKNOWN,
@@ -103,7 +104,7 @@ def parameter_rows(data: ReportData) -> list[ParameterRow]:
         for name, entry in effect["parameters"].items():
             if name not in listed:
                 row = _parameter_row(name, entry, data, None)
-                words = effect["name"].replace("_", " ")
+                words = effect_words(effect["name"])
                 meaning = entry.get("meaning")
                 text = f"{words}: {meaning}" if meaning else f"of {words}"
                 rows.append(replace(row, meaning=text))

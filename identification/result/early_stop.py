@@ -7,6 +7,7 @@ from typing import Final
 from identification.fit.solve import Fit
 from identification.posterior.convergence import LARGEST_R_HAT, REQUIRED_LENGTH
 from identification.posterior.sample import Sample, Source
+from identification.result.effect_texts import effect_words
 from identification.result.numbers import listed
 from identification.selection.outcome import Outcome
 from identification.warning import Option, ResultWarning
@@ -66,7 +67,7 @@ def early_stop_warnings(
 
 def _undecided(outcome: Outcome, effort: str, limit: str) -> list[ResultWarning]:
     """Warning on effects whose removal no fit decided."""
-    names = [found.name.replace("_", " ") for found in outcome.effects if found.is_undecided]
+    names = [effect_words(found.name) for found in outcome.effects if found.is_undecided]
     if not names:
         return []
     message = (

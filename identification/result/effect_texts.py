@@ -13,12 +13,19 @@ __all__ = [
     "alternative_texts",
     "effect_details",
     "effect_probability",
+    "effect_words",
     "has_no_probability",
     "is_surrogate",
     "unexplained_words",
 ]
 
 _OUTSIDE = "unlisted"
+_PEOPLE = {"coulomb": "Coulomb", "stribeck": "Stribeck"}
+
+
+def effect_words(name: str) -> str:
+    """Name of an effect in a sentence."""
+    return " ".join(_PEOPLE.get(word, word) for word in name.split("_"))
 
 
 def has_no_probability(effect: Entry) -> bool:
@@ -42,7 +49,7 @@ def effect_details(effect: Entry) -> str:
 
 def alternative_texts(effect: Entry) -> list[str]:
     """Alternatives of an effect, with their probabilities if they apply."""
-    names = {one["name"]: one["name"].replace("_", " ") for one in effect.get("alternatives") or ()}
+    names = {one["name"]: effect_words(one["name"]) for one in effect.get("alternatives") or ()}
     if has_no_probability(effect):
         return list(names.values())
     return [

@@ -31,6 +31,7 @@ from identification.model.term import (
     AbstractTorque,
     AbstractVoltage,
 )
+from identification.result.effect_texts import effect_words
 from identification.result.partial_residuals import FinalPath, PathSamples
 from identification.result.report_data import MissingTerm, MissingTrace
 
@@ -244,7 +245,7 @@ class _Bins:
 
 def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
     """Report sentence on the effects that cannot be plotted; empty if all can."""
-    names = [term.name.replace("_", " ") for term in terms if not _acts_in_motor(term)]
+    names = [effect_words(term.name) for term in terms if not _acts_in_motor(term)]
     if not names:
         return ""
     verb = "acts" if len(names) == 1 else "act"

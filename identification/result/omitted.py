@@ -11,6 +11,7 @@ from identification.effects.effect import effects_of
 from identification.fit.identifiability import identified
 from identification.fit.solve import Fit
 from identification.quantities import DECLARED_PARAMETERS
+from identification.result.effect_texts import effect_words
 from identification.result.numbers import percent_text, probability_text
 from identification.selection.confounded import turns_one_way
 from identification.selection.omitted import OmittedTerm, consider_variances
@@ -139,7 +140,7 @@ def _collinear(final: Fit, term: OmittedTerm) -> ResultWarning:
     size = f"{final.values[k]:.3g} {final.coordinates.parameters[k].unit}"
     (curve,) = (one for one in effects_of(final.simulator.model.terms) if one.name == term.name)
     message = (
-        f"{own} of {effect.replace('_', ' ')} is collinear with the {curve.variant}: only their "
+        f"{own} of {effect_words(effect)} is collinear with the {curve.variant}: only their "
         f"sum is determined, and the {size} may be a part of the curve"
     )
     fix = "measure that effect alone, for example friction in a run without load"

@@ -53,7 +53,7 @@ def test_effects_that_the_runs_do_not_separate_are_named_together(result: dict[s
 
     first = headline_sentences(result)[0]
 
-    assert "coulomb friction or load torque (probability 49.9 %)" in first
+    assert "Coulomb friction or load torque (probability 49.9 %)" in first
     assert "quadratic drag" not in first
 
 
@@ -65,7 +65,7 @@ def test_a_surrogate_is_no_effect_of_the_motor(result: dict[str, Any]) -> None:
     first = headline_sentences(result)[0]
 
     assert "The motor has" not in first
-    assert first.endswith("The fit uses coulomb friction (probability 0.5 %) as surrogates.")
+    assert first.endswith("The fit uses Coulomb friction (probability 0.5 %) as surrogates.")
 
 
 def test_an_incomplete_model_casts_doubt_on_the_parameters_that_remain(

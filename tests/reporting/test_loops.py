@@ -34,7 +34,7 @@ def test_the_step_of_the_simulation_is_stated(result: dict[str, Any]) -> None:
 
     assert "28 rad/s" in comparison["remark"]
     assert "at 25 °C the speed settles" in comparison["remark"]
-    assert "coulomb friction" in comparison["remark"]
+    assert "Coulomb friction" in comparison["remark"]
 
 
 def test_a_clean_motor_has_nothing_to_compare(result: dict[str, Any]) -> None:

@@ -111,7 +111,7 @@ def test_a_parameter_of_an_effect_is_named_by_its_meaning() -> None:
     effect["parameters"]["torque"]["meaning"] = "torque at high speed"
     rows = {row.name: row for row in parameter_rows(report)}
 
-    assert rows["torque"].meaning == "coulomb friction: torque at high speed"
+    assert rows["torque"].meaning == "Coulomb friction: torque at high speed"
 
 
 def test_a_parameter_that_the_runs_do_not_determine_has_no_bias() -> None:
@@ -185,7 +185,7 @@ def test_three_sentences_open_the_report() -> None:
     result["effects"][0]["probability"] = 1.0
 
     assert headline_sentences(result) == [
-        "The motor has an effect beyond the nominal model: coulomb friction "
+        "The motor has an effect beyond the nominal model: Coulomb friction "
         "(probability > 99.9 %).",
         "On the validation runs, the residual does not exceed the sensor noise.",
         "The runs determine all 7 parameters.",

@@ -28,7 +28,7 @@ def test_a_shift_is_taken_relative_to_the_final_value() -> None:
 
     assert rows["Ra25"].shift == "+11.00 %"
     assert rows["alpha_Kt"].shift == "+11.00 %"
-    assert rows["torque"].meaning == "of coulomb friction"
+    assert rows["torque"].meaning == "of Coulomb friction"
     assert rows["torque"].before is None
 
 
@@ -69,7 +69,7 @@ def test_the_controller_that_suits_the_motor_stands_on_the_first_screen(
 ) -> None:
     """Without it, the figures are those of the first controller of the options."""
     assert [f.label for f in key_figures(result)[1:]] == ["Rise time", "Overshoot"]
-    assert "PI:2,40" in key_figures(result)[1].remark
+    assert "proposed PI:2,40" in key_figures(result)[1].remark
 
     result["feedback_suited"] = []
 

@@ -178,7 +178,7 @@ def test_a_friction_that_a_curve_contains_is_not_identified_and_their_sum_is() -
     assert identified(fit, fraction)[name]
     assert not identified(fit, fraction, added)[name]
     (warning,) = confounded_warnings(fit, fraction, [found])
-    assert "torque of coulomb friction is collinear with the curve over mag" in warning.message
+    assert "torque of Coulomb friction is collinear with the curve over mag" in warning.message
     at = fit.coordinates.names.index(name)
     assert (
         abs(fit.values[at] - torque)

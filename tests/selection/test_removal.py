@@ -76,4 +76,4 @@ def test_an_effect_whose_removal_no_fit_decides_is_at_most_as_probable_as_its_ab
     found = {one.name: one.given(np.ones(2)) for one in effects}
     assert found["coulomb_friction"].probability <= 0.5
     assert warning.code == "search_incomplete"
-    assert "the model without coulomb friction" in warning.message
+    assert "the model without Coulomb friction" in warning.message

@@ -27,7 +27,7 @@ def test_story_names_the_effect_the_quality_and_the_parameters() -> None:
     story = result_view(RESULT, REPORT)["story"]
 
     assert len(story) == 3
-    assert "coulomb friction" in story[0]
+    assert "Coulomb friction" in story[0]
     assert "validation runs" in story[1]
     assert "determine" in story[2]
 
