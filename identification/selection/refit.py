@@ -32,6 +32,7 @@ __all__ = [
     "fitted_candidate",
     "refined",
     "refitted_as",
+    "refitted_from_parts",
     "refitted_with",
     "refitted_without",
     "swapped",
@@ -108,6 +109,23 @@ def refitted_without(fit: Fit, name: str, limits: TerminationLimits = _LIMITS) -
     """Fit of the model without the term of that name, from the optimum of `fit`."""
     model = fit.simulator.model.without(name)
     return _refitted(fit, model, (), limits)
+
+
+def refitted_from_parts(fit: Fit, parts: Sequence[Fit], limits: TerminationLimits = _LIMITS) -> Fit:
+    """The fit, or one from the best model that it contains if that model has a lower cost.
+
+    A model fits at least as well as each model that it contains, so a fit above one of them is
+    stuck at a local optimum.  The terms that a part lacks start at their values in the fit.
+    """
+    part = min(parts, key=lambda one: one.cost, default=fit)
+    if limits.over or not part.cost < fit.cost - DEFAULT.tie:
+        return fit
+    at, found = fit.by_name, part
+    for term in effects_of(fit.simulator.model.terms):
+        if term.name not in {own.name for own in part.simulator.model.terms}:
+            values = np.array([at[f"{term.name}.{p.name}"] for p in term.parameters])
+            found = refitted_with(found, term, [Start(values)], limits)
+    return min(fit, found, key=lambda one: one.cost)
 
 
 def swapped(

@@ -28,6 +28,7 @@ from identification.selection.refit import (
     fitted_candidate,
     refined,
     refitted_as,
+    refitted_from_parts,
     refitted_without,
 )
 from identification.selection.score import Score, with_fitted_hold
@@ -128,17 +129,17 @@ class Trials:
                 limits = replace(limits, budget=Budget(self.longest))
                 other = self._converged(refitted_without(nominal, term.name, limits), limits)
                 fit = min(fit, other, key=lambda one: one.cost)
-            known = self.evaluate(
-                refined(fit, limits, self.policy) if np.isfinite(fit.cost) else fit
-            )
+            parts = [m.fit for own, m in self._evaluated.items() if own < key]
+            fit = refitted_from_parts(fit, parts, limits)
+            fit = refined(fit, limits, self.policy) if np.isfinite(fit.cost) else fit
+            known = self.evaluate(fit)
         return known
 
     def removal(
         self, current: EvaluatedModel, simpler: EvaluatedModel
     ) -> tuple[bool, dict[str, float]]:
         """True if the removal of an effect is undecided, and the change of the other parameters."""
-        is_undecided = current.is_undecided(simpler.fit)
-        return is_undecided, removal_steps(current.fit, simpler.fit)
+        return current.is_undecided(simpler.fit), removal_steps(current.fit, simpler.fit)
 
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
         """Model with a term replaced by an extended variant."""

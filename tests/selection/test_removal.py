@@ -59,6 +59,29 @@ def test_a_removal_that_is_stuck_where_it_began_is_fitted_from_the_nominal_param
     assert not trials.removal(both, without_drag)[0]
 
 
+def test_a_removal_that_is_stuck_above_a_model_it_contains_is_fitted_from_that_model(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without the friction, a drag that is not fitted again is worse than no drag."""
+    trials, declared, best = frictions()
+    (drag,) = trials.finish_best(declared, trials.refits(declared, [best["quadratic_drag"]]))
+    both = extended(trials, drag, "coulomb_friction")
+    terms = {term.name: term for term in effects_of(both.fit.simulator.model.terms)}
+    del trials._evaluated[frozenset({("quadratic_drag", "")})]
+    begun: list[Fit] = []
+
+    def stuck(fit: Fit, name: str, limits: TerminationLimits) -> Fit:
+        begun.append(replace(refitted_without(fit, name, TerminationLimits(0)), converged=True))
+        return begun[-1]
+
+    monkeypatch.setattr(trials_module, "refitted_without", stuck)
+
+    without_friction = trials.without(both, terms["coulomb_friction"])
+
+    assert begun[0].cost > declared.fit.cost + 100.0
+    assert without_friction.fit.cost < declared.fit.cost + 1.0
+
+
 def test_an_effect_whose_removal_no_fit_decides_is_at_most_as_probable_as_its_absence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
