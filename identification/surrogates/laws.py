@@ -4,7 +4,8 @@ Contacts bend before they slide, so friction reverses over a distance instead of
 bent shaft rubs in one part of the revolution.  The angle may be counted from wherever a run began,
 or be integrated from the speed; the phase of this friction is then unknown, so its amplitudes are
 free in each record.  A gear or coupling with play disengages when the torque reverses: the rotor
-turns alone until it has crossed the play.  A supply sags with the current that a chopper draws.
+turns alone until it has crossed the play.  A supply sags with the current that a chopper draws.  A
+current sensor saturates.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from identification.effects.parameters import amplitude, columns, shape
 from identification.model.excitation import Record
 from identification.model.parameter import Parameter
 from identification.model.term import (
+    AbstractSensor,
     AbstractTorque,
     AbstractVoltage,
     Expression,
@@ -31,7 +33,7 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["AngularFriction", "Backlash", "DahlFriction", "SupplySag"]
+__all__ = ["AngularFriction", "Backlash", "CurrentSaturation", "DahlFriction", "SupplySag"]
 
 _HARMONICS: Final = 4
 _LEAST_TURNS: Final = 1.0
@@ -41,6 +43,8 @@ _ROUNDED: Final = 1e-3
 """Width of the smoothed magnitude of the speed, over the speed scale."""
 _CORNER: Final = 0.05
 """Width of the rounded corners of the dead zone, over the play."""
+_SMALL: Final = 1e-6
+"""Current at which a power of its magnitude is smoothed, over the largest current."""
 _PLAYS: Final = 12
 _CONTACTS: Final = 7
 
@@ -265,3 +269,48 @@ class SupplySag(AbstractEffect, AbstractVoltage):
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         size = scales.nominal("Ra25")
         return [Candidate(cls(scales.voltage, size), columns((0.05 * size,)))]
+
+
+@dataclass(frozen=True)
+class CurrentSaturation(AbstractEffect, AbstractSensor):
+    """Current sensor that saturates, as an amplifier or a magnetic core near its limit.
+
+        logged current = i / (1 + c |i / i_0|^2p)^(1/2p)                    [A]
+
+    Voltage and torque both rise faster than the logged current: a brush drop and a saturated flux
+    bend them the other way.  The exponent p is large for a sudden limit.
+    """
+
+    current_size: float
+    """Largest logged current i_0 [A]."""
+
+    name = "unlisted"
+    variant = "saturation of the current sensor"
+    equation = "sensor"
+    drivers = ("current",)
+    channel = "current"
+    source = (
+        "Rapp, Proc. 2nd European Conference on Satellite Communications (1991), 179-184 "
+        "(amplifier model)"
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        meaning = f"saturation at {self.current_size:.3g} A, c in the formula"
+        return (
+            amplitude("saturation", "-", meaning, 1.0),
+            shape("sharpness", "-", "exponent p in the formula", 0.5, 8.0),
+        )
+
+    def reading(
+        self, before: Expression, signals: Signals, states: Values, values: Values
+    ) -> Expression:
+        current, twice = signals.current, 2 * values.sharpness
+        size = ca.sqrt((current / self.current_size) ** 2 + _SMALL**2)
+        gain = (1 + values.saturation * size**twice) ** (-1 / twice)
+        return before + current * (gain - 1)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        largest = max(float(np.abs(record.measured[:, 0]).max()) for record in scales.records)
+        return [Candidate(cls(largest), columns((0.1, 1.0), (0.1, 2.5)))]

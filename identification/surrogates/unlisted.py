@@ -6,7 +6,13 @@ from typing import Final
 
 from identification.effects.effect import AbstractEffect
 from identification.surrogates.curves import MissingTorque, MissingVoltage
-from identification.surrogates.laws import AngularFriction, Backlash, DahlFriction, SupplySag
+from identification.surrogates.laws import (
+    AngularFriction,
+    Backlash,
+    CurrentSaturation,
+    DahlFriction,
+    SupplySag,
+)
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple, SpeedRipple
 
 __all__ = ["LAWS", "SURROGATES"]
@@ -22,5 +28,5 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
 )
 """Terms that the search tries if no effect of its catalogue explains the residual."""
 
-LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag, SpeedRipple)
+LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag, SpeedRipple, CurrentSaturation)
 """Physical laws outside the catalogue that the search tries together with its effects."""
