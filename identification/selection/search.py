@@ -8,7 +8,7 @@
      4      refit the candidates with the largest predicted gain          Trials.refits
      5      M <- the best that meets the acceptance criteria              steps.accept
      6          none: the catalogue is exhausted, leave the loop
-     7      M <- extended variants of its laws that are accepted          steps.enrich
+     7      M <- extended variants and rival laws that are accepted       steps.enrich
      8      C <- nominal model with the best curve, if curves predict
                 more than the effects do and the residual has structure   _fit_curve
      9          C fits far better than M: leave the loop
