@@ -132,6 +132,11 @@ class AbstractEffect(AbstractTerm):
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """Prototypes for a campaign; empty if its runs cannot reveal the effect."""
 
+    @classmethod
+    def is_excluded(cls, scales: CampaignScales) -> bool:  # noqa: ARG003
+        """True if the logged signals alone exclude the effect."""
+        return False
+
     @property
     def variant(self) -> str:
         """Label that tells terms of the same name apart: channel, run or signals; often empty."""

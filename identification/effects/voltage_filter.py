@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import casadi as ca
+import numpy as np
 
+from identification.arrays import Array
 from identification.effects.confusion import INDUCTANCE
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import columns, shape
@@ -13,6 +16,11 @@ from identification.model.parameter import Parameter
 from identification.model.term import AbstractVoltageFilter, Expression, Signals, Values
 
 __all__ = ["VoltageFilter"]
+
+_FASTEST: Final = 0.3
+"""Shortest time constant, over the sample interval: a filter passes 96 % of a step in a sample."""
+_JUMP: Final = 0.1
+"""Least change between two samples that is a jump, over the range of the voltage."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +54,24 @@ class _VoltageFilter(AbstractEffect, AbstractVoltageFilter):
         return before + change
 
     @classmethod
+    def is_excluded(cls, scales: CampaignScales) -> bool:
+        """True if most jumps of the logged voltage end within a sample.
+
+        After a filter, a step continues in the next sample with the fraction exp(-h / tau).
+        """
+        left: list[Array] = []
+        for record in scales.records:
+            voltage = record.column("voltage")
+            change = np.abs(np.diff(voltage))
+            jump = np.flatnonzero(change[:-1] > _JUMP * np.ptp(voltage))
+            left.append(change[jump + 1] / change[jump])
+        found = np.concatenate(left)
+        return bool(found.size and np.median(found) < np.exp(-1.0 / _FASTEST))
+
+    @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         scanned = [(f * scales.interval,) for f in (0.7, 3.0, 12.0, 50.0)]
-        term = cls(0.3 * scales.interval, 300 * scales.interval)
+        term = cls(_FASTEST * scales.interval, 300 * scales.interval)
         return [Candidate(term, columns(*scanned))]
 
 

@@ -62,13 +62,13 @@ def scales_of(fit: Fit) -> CampaignScales:
 
 
 def candidates_of(fit: Fit, withheld: Collection[str]) -> list[Candidate]:
-    """All structures of the effect types that are neither in the model nor withheld."""
+    """All structures of the effect types that are neither in the model, withheld nor excluded."""
     scales = scales_of(fit)
     absent = {term.name for term in fit.simulator.model.terms} | set(withheld)
     return [
         candidate
         for kind in (*CATALOGUE.values(), *LAWS)
-        if kind.name not in absent
+        if kind.name not in absent and not kind.is_excluded(scales)
         for candidate in kind.candidates(scales)
     ]
 

@@ -12,7 +12,7 @@ from benchmarks.effects_page import example_scales
 from identification import FitOptions, identify
 from identification.effects.effect import AbstractEffect
 from identification.effects.friction import CoulombFriction
-from identification.effects.voltage_filter import VoltageFilter
+from identification.effects.voltage_filter import DigitalVoltageFilter, VoltageFilter
 from identification.ingest.run import Run
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
@@ -22,7 +22,8 @@ from tests.motors import simulated
 MOTOR = np.array([0.6, 0.0039, 0.07, -0.0012, 4e-4, 1e-3, 1.2e-3])
 """Time constants of 2 and 50 ms."""
 INTERVAL, LAG = 1e-3, 2.5e-3
-ANALOGUE, DIGITAL = (one.term for one in VoltageFilter.candidates(example_scales()))
+SCALES = example_scales()
+ANALOGUE, DIGITAL = VoltageFilter(3e-4, 0.3), DigitalVoltageFilter(3e-4, 0.3)
 LAWS = pytest.mark.parametrize("law", [ANALOGUE, DIGITAL], ids=["analogue", "digital"])
 
 
@@ -57,7 +58,7 @@ def test_a_filtered_log_simulates_as_the_voltage_at_the_terminals(
 ) -> None:
     """Reference: the held voltage itself, linear and with a friction that needs substeps."""
     run, logged = stepped("a.csv", 1, law)
-    terms = (CoulombFriction.candidates(example_scales())[0].term,) if has_friction else ()
+    terms = (CoulombFriction.candidates(SCALES)[0].term,) if has_friction else ()
     values = np.concatenate([MOTOR, (0.02, 0.0) if has_friction else ()])
     plain = Simulator.fitting(MotorModel(terms), records_of([run]), values)
     model, own = MotorModel((*terms, law), hold), np.append(values, LAG)
@@ -92,3 +93,13 @@ def test_a_filter_of_the_voltage_is_named_and_the_motor_is_right(law: AbstractEf
         assert value["identified"]
         assert abs(value["median"] - true) < value["q95"] - value["q05"]
         assert value["q95"] - value["q05"] < 0.05 * true
+
+
+def test_a_voltage_that_jumps_between_two_samples_passed_no_filter() -> None:
+    """The steps of one log last a sample; those of the other one continue behind its filter."""
+    run, logged = stepped("a.csv", 1, ANALOGUE)
+
+    jumping, smooth = (replace(SCALES, records=tuple(records_of([one]))) for one in (run, logged))
+
+    assert VoltageFilter.is_excluded(jumping)
+    assert not VoltageFilter.is_excluded(smooth)
