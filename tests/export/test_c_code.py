@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,9 +83,16 @@ def test_step_in_one_run_is_left_out_and_said() -> None:
     assert motor.notes == ("load_step acts only in runs of the campaign (run 2); it is left out",)
 
 
-def test_a_late_voltage_is_no_part_of_the_export() -> None:
+@pytest.mark.parametrize(
+    "late",
+    [
+        effect("input_hold", {"law": "voltage logged at the end of its interval"}),
+        effect("voltage_filter", {"fastest": 3e-4, "slowest": 0.3}, time_constant=2e-3),
+    ],
+    ids=lambda late: late["name"],
+)
+def test_a_late_voltage_is_no_part_of_the_export(late: dict[str, Any]) -> None:
     """The input is the voltage at the terminals: the same code as without the late log."""
-    late = effect("input_hold", {"law": "voltage logged at the end of its interval"})
     plain, found = (exported_model(result_with(*effects)) for effects in ((), (late,)))
 
     assert "voltage at the terminals" in found.notes[0]
