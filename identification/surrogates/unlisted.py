@@ -25,8 +25,9 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
     AngularFriction,
     DahlFriction,
     Backlash,
+    CurrentSaturation,
 )
 """Terms that the search tries if no effect of its catalogue explains the residual."""
 
-LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag, SpeedRipple, CurrentSaturation)
+LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag, SpeedRipple)
 """Physical laws outside the catalogue that the search tries together with its effects."""
