@@ -28,6 +28,8 @@ _STRAIGHT: Final = 1e-6
 """Value of |i / i_b|^p below which the drop is taken from its series."""
 _LEAST_HEATED: Final = 10.0
 """Least range of the logged temperature that shows how the brush drop changes with it [K]."""
+_REFERENCE: Final = 1.5
+"""Reference current i_0 of a saturation, over the usual current, the RMS current of the runs."""
 _RATE: Final = Parameter(
     "rate", "1/K", "relative change of the drop per kelvin, c in the formula", scale=2e-3,
     lower=-8e-3, upper=8e-3, prior_sd=2.0,
@@ -192,7 +194,7 @@ class FluxSaturation(_Saturation):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate with three starts: two exponents, and a fall that soon ends."""
-        term = cls(1.5 * scales.current)
+        term = cls(_REFERENCE * scales.current)
         return [Candidate(term, columns((0.05, 1.3, 0.3), (0.05, 2.5, 0.3), (0.2, 2.0, 0.95)))]
 
 
@@ -228,7 +230,7 @@ class InductanceSaturation(_Saturation):
         """
         starts = [(0.3, 1.3, 0.1), (0.3, 2.5, 0.1), (1.0, 1.3, 0.4), (1.0, 2.5, 0.1)]
         starts += [(3.0, 1.3, 0.4), (3.0, 2.5, 0.4), (5.0, 2.0, 0.15)]
-        term, scored = (kind(1.5 * scales.current) for kind in (cls, _ScoredInductance))
+        term, scored = (kind(_REFERENCE * scales.current) for kind in (cls, _ScoredInductance))
         raised = [1.0 / float(term._remaining(scales.current, *start)) for start in starts]
         traded = tuple(
             (np.array(start), {"L": factor}) for start, factor in zip(starts, raised, strict=True)
@@ -237,9 +239,9 @@ class InductanceSaturation(_Saturation):
 
 
 class _ScoredInductance(InductanceSaturation):
-    """Prototype that leaves the inductance at the usual current, two thirds of i_0, unchanged."""
+    """Prototype that leaves the inductance at the usual current unchanged."""
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         own = values.fall, values.exponent, values.leakage
-        usual = self._remaining(self.reference / 1.5, *own)
+        usual = self._remaining(self.reference / _REFERENCE, *own)
         return super().factor(signals, states, values) / usual

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import erf
 
-from identification.effects.electrical import BrushDrop
+from benchmarks.effects_page import example_scales
+from identification.effects.electrical import BrushDrop, InductanceSaturation
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
@@ -138,3 +140,20 @@ def test_runs_at_one_temperature_offer_no_brush_drop_that_changes_with_it() -> N
     assert cold.richer == ()
     assert [term.variant for term in warm.richer] == ["changing with temperature"]
     assert warm.richer[0].richer == ()
+
+
+def test_a_saturation_is_tried_with_the_inductance_at_the_usual_current_unchanged() -> None:
+    """The nominal L is that at the usual current, in each prototype and where its refit starts."""
+    scales = example_scales()
+    (candidate,) = InductanceSaturation.candidates(scales)
+    usual: Any = SimpleNamespace(current=scales.current)
+
+    for values, factors in candidate.traded:
+        own = SimpleNamespace(fall=values[0], exponent=values[1], leakage=values[2])
+        left = []
+        for term in (candidate.term, candidate.final):
+            assert isinstance(term, InductanceSaturation)
+            left.append(float(term.factor(usual, SimpleNamespace(), own)))
+        assert left[0] == pytest.approx(1.0)
+        assert factors["L"] * left[1] == pytest.approx(1.0)
+        assert factors["L"] > 1.05
