@@ -153,9 +153,9 @@ def _shortened(
     known = set(fit.coordinates.names)
     is_size = np.array([p.name not in known and p.vanishes for p in coordinates.parameters])
     shares = _SHARES if is_size.any() and not start.is_moved else _SHARES[:1]
-    changes = [Along(np.zeros_like(position), tuple(np.zeros_like(state) for state in states))]
+    held = Along(np.zeros_like(position), tuple(np.zeros_like(state) for state in states))
+    changes = [] if start.is_moved else [held]
     if start.along is not None:
-        changes = [] if start.is_moved else changes
         changes.append(_following(fit, model, coordinates, start.along))
     found = []
     for change in changes:

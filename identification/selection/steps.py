@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -167,7 +168,7 @@ def lacks_more(state: State) -> bool:
 
 
 def enrich(state: State) -> None:
-    """Replace effects by extended variants of their laws, as long as the variants are accepted."""
+    """Replace effects by extended variants or rival laws, as long as these are accepted."""
     for found in effects_of(state.current.fit.simulator.model.terms):
         left = [*found.richer, *found.rival_laws]
         while left and not state.trials.budget.spent:
@@ -194,9 +195,11 @@ def backward(state: State) -> None:
         if len(state.current.fit.simulator.model.terms) < 2:
             return
         simpler = state.trials.without(state.current, term)
-        others = effects_of(simpler.fit.simulator.model.terms)
-        laws = [law for other in others for law in other.rival_laws]
-        for model in (simpler, *(state.trials.enriched(simpler, law) for law in laws)):
+        left = effects_of(simpler.fit.simulator.model.terms)
+        laws = [law for other in left for law in other.rival_laws]
+        # A rival law is fitted only if the effect would be kept.
+        rivals = (state.trials.enriched(simpler, law) for law in laws)
+        for model in itertools.chain([simpler], rivals):
             if not state.trials.criteria(state.current, model).passed:
                 state.current = model
                 break

@@ -142,7 +142,7 @@ class Trials:
         return current.is_undecided(simpler.fit), removal_steps(current.fit, simpler.fit)
 
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
-        """Model with a term replaced by an extended variant."""
+        """Model with a term replaced by an extended variant or another law."""
         kept = {name for name in _key(current.fit) if name[0] != term.name}
         known = self._evaluated.get(frozenset(kept | {_name(term)}))
         if known is None:
