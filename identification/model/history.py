@@ -1,15 +1,22 @@
 """History buffers of delayed and averaged channels.
 
-A delayed channel keeps value and slope at both ends of each past sample interval.  Cubic Hermite
-interpolation then gives a delay by any fraction of an interval with an error of fourth order, even
-if the slope jumps with the voltage at a sample.  If an interval has several substeps, value and
-slope at its start are kept until its last substep ends.
+A delayed channel is read at an instant within each sample interval: the step is taken a second
+time, up to that instant, and the reading there enters the buffer of the delay.  It is as accurate
+as the states, also where the current settles within a fraction of a sample interval.  The buffer
+holds the reading of the interval that is being integrated, then those of past ones, the latest
+first.
 
-An averaged channel keeps its integral over the substeps so far, and the average over the previous
-interval with its slope: the average over the last h seconds has the slope (y(t) - y(t - h)) / h.
+An averaged channel keeps its integral over the interval so far and its last average.  If it is
+delayed, it also keeps its average a from the instant to the end of the last interval: with a share
+f of the interval before the instant, the average over the last h seconds is the integral up to the
+instant over h, plus (1 - f) a.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import casadi as ca
 import numpy as np
@@ -18,17 +25,27 @@ from identification.arrays import Array
 from identification.model.composite import CHANNELS, INPUTS, MotorModel
 from identification.model.term import AbstractDelay, Expression
 
-__all__ = ["history_size", "initial_history", "updated_history"]
+__all__ = ["Moment", "history_size", "initial_history", "shares_before", "updated_history"]
 
-_MEAN: int = 4
-"""Values per averaged channel: value at the start of the interval, integral since then, last
-average and its slope."""
+_MEAN: Final = 2
+"""Values per averaged channel: integral over the interval so far, last average."""
+_LEAST: Final = 1e-9
+"""Share of a substep before an instant at its start: above zero, since inputs are divided by it."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A moment of a substep."""
+
+    states: Expression
+    """(n_state + n_averaged,) states, then the integrals of the averaged channels up to it."""
+    inputs: Expression
+    """(n_input,) inputs."""
 
 
 def history_size(model: MotorModel) -> int:
     """Number of history values in the carry, after the state."""
-    delays = sum((2 + 4 * term.depth) * len(_delayed(term)) for term in model.delays)
-    return _MEAN * len(model.averaged) + delays
+    return initial_history(model, np.zeros(2)).size
 
 
 def initial_history(model: MotorModel, logged: Array) -> Array:
@@ -36,100 +53,93 @@ def initial_history(model: MotorModel, logged: Array) -> Array:
 
     `logged` (2,) is current and speed at the first sample [A, rad/s].
     """
-    parts = [np.array([logged[channel], 0.0, logged[channel], 0.0]) for channel in model.averaged]
-    parts += [
-        np.concatenate(
-            [
-                [logged[channel], 0.0],
-                np.tile([logged[channel], logged[channel], 0.0, 0.0], term.depth),
-            ]
-        )
-        for term in model.delays
-        for channel in _delayed(term)
-    ]
+    parts = [np.array([0.0, logged[channel]]) for channel in model.averaged]
+    for term in model.delays:
+        for channel in _delayed(term):
+            size = 1 + term.depth + (channel in model.averaged)
+            parts.append(np.full(size, logged[channel]))
     return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def shares_before(model: MotorModel, inputs: Expression, parameter: Expression) -> list[Expression]:
+    """For each delay, the share [-] of the substep before its instant.
+
+    It is about 0 in the substeps after the instant, and 1 in those before.
+    """
+    index, count = (inputs[INPUTS.index(name)] for name in ("substep", "substeps"))
+    found = []
+    for term in model.delays:
+        share = _share_before(model.lag(term, parameter)) * count - index
+        share = ca.if_else(share < 0, 0, ca.if_else(share > 1, 1, share))
+        found.append(_LEAST + (1 - _LEAST) * share)
+    return found
 
 
 def updated_history(
     model: MotorModel,
-    states: tuple[Expression, Expression],
     history: Expression,
-    inputs: tuple[Expression, Expression],
+    moments: tuple[Moment, Expression, Sequence[Moment]],
     parameter: Expression,
-    logged: Expression,
 ) -> tuple[Expression, Expression]:
-    """Update the history over one substep; return it with the delayed and averaged readings.
+    """Update the history over one substep; return it with the readings at its start.
 
-    The states are (n_state,) at the start and (n_state + n_averaged,) at the end of the substep;
-    the latter end with the integrals of the averaged channels over the substep.  The inputs are
-    those at both.  History (n_history,) and readings (2,), without averaging and delay, are given
-    at the start; the history is returned at the end.
+    The moments are the start of the substep, the states of its end, and for each delay the moment
+    after the share of `shares_before`.  The history (n_history,) is given at the start and returned
+    at the end; the readings are (2,).
     """
-    index, count = (inputs[0][INPUTS.index(name)] for name in ("substep", "substeps"))
+    start, end, instants = moments
+    index, count, interval = (
+        start.inputs[INPUTS.index(name)] for name in ("substep", "substeps", "interval")
+    )
     begins, ends = index < 0.5, index > count - 1.5
-    interval = inputs[0][0] * count
     # The last interval of a record has zero length.
-    inverse = ca.if_else(interval > 0, 1 / interval, 0)
-    values, slopes = [], []
-    n = states[0].numel()
-    for x, u in zip((states[0], states[1][:n]), inputs, strict=True):
-        value, slope = _value_and_slope(model, x, u, parameter)
-        values.append([value[0], value[1]])
-        slopes.append([slope[0] * interval, slope[1] * interval])
-    kept, delayed = [], [logged[0], logged[1]]
-    start = 0
-    for channel, integral in zip(model.averaged, ca.vertsplit(states[1][n:]), strict=True):
-        began, total, mean, slope = (history[start + k] for k in range(_MEAN))
-        start += _MEAN
-        began = ca.if_else(begins, values[0][channel], began)
-        total = ca.if_else(begins, 0, total) + integral
-        moved = total * inverse, (values[1][channel] - began) * inverse
-        after = [ca.if_else(ends, new, old) for new, old in zip(moved, (mean, slope), strict=True)]
-        kept += [began, total, *after]
-        delayed[channel] = mean
-        values[0][channel], values[1][channel] = mean, after[0]
-        slopes[0][channel], slopes[1][channel] = slope * interval, after[1] * interval
-    for term in model.delays:
-        lag, size = model.lag(term, parameter), 4 * term.depth
+    inverse = ca.if_else(interval > 0, 1 / (interval * count), 0)
+    n, at = len(model.state_names), 0
+    now = model.logged(start.states[:n], start.inputs, parameter)
+    readings, kept = [now[0], now[1]], []
+    before: dict[int, Expression] = {}
+    total: dict[int, Expression] = {}
+    for row, channel in enumerate(model.averaged):
+        before[channel] = ca.if_else(begins, 0, history[at])
+        total[channel] = before[channel] + end[n + row]
+        readings[channel] = history[at + 1]
+        kept += [total[channel], ca.if_else(ends, total[channel] * inverse, history[at + 1])]
+        at += _MEAN
+    for instant, term in zip(instants, model.delays, strict=True):
+        read = model.logged(instant.states[:n], instant.inputs, parameter)
+        lag = model.lag(term, parameter)
+        share = _share_before(lag)
+        # The reading of the last substep that begins before the instant remains.
+        is_before = begins + (share * count > index) > 0
         for channel in _delayed(term):
-            # Value and slope at the start of the interval, then of past ones, the latest first.
-            past = history[start + 2 : start + 2 + size]
-            value = ca.if_else(begins, values[0][channel], history[start])
-            slope = ca.if_else(begins, slopes[0][channel], history[start + 1])
-            start += 2 + size
-            whole = ca.vertcat(value, values[1][channel], slope, slopes[1][channel])
-            kept += [value, slope, ca.if_else(ends, ca.vertcat(whole, past[: size - 4]), past)]
-            delayed[channel] = _looked_up(past, term.depth, lag, delayed[channel])
-    return ca.vertcat(*kept), ca.vertcat(*delayed)
+            here, past = history[at], history[at + 1 : at + 1 + term.depth]
+            at += 1 + term.depth
+            new = read[channel]
+            if channel in model.averaged:
+                integral = instant.states[n + model.averaged.index(channel)]
+                new = (before[channel] + integral) * inverse + (1 - share) * history[at]
+            here = ca.if_else(is_before, new, here)
+            kept += [here, ca.if_else(ends, ca.vertcat(here, past[:-1]), past)]
+            if channel in model.averaged:
+                after = history[at] + (total[channel] * inverse - here) / (1 - share)
+                kept.append(ca.if_else(ends, after, history[at]))
+                at += 1
+            readings[channel] = _looked_up(past, term.depth, lag, readings[channel])
+    return ca.vertcat(*kept), ca.vertcat(*readings)
 
 
 def _delayed(term: AbstractDelay) -> tuple[int, ...]:
     return (0, 1) if term.channel == "voltage" else (CHANNELS.index(term.channel),)
 
 
-def _value_and_slope(
-    model: MotorModel, state: Expression, inputs: Expression, parameter: Expression
-) -> tuple[Expression, Expression]:
-    x, u, p = (ca.SX.sym(n, s.numel()) for n, s in (("x", state), ("u", inputs), ("p", parameter)))
-    logged = model.logged(x, u, p)
-    function = ca.Function("slope", [x, u, p], [logged, ca.jtimes(logged, x, model.rates(x, u, p))])
-    value, slope = function(state, inputs, parameter)
-    return value, slope
+def _share_before(lag: Expression) -> Expression:
+    """Share [-] of each interval before the instant at which a channel with this lag is read."""
+    return ca.ceil(lag) - lag
 
 
 def _looked_up(past: Expression, depth: int, lag: Expression, now: Expression) -> Expression:
-    """Hermite interpolation `lag` intervals back in time; `now` if `lag` is not positive."""
-    found = [ca.SX(0)] * 5
+    """Reading `lag` intervals back in time; `now` if `lag` is not positive."""
+    found = ca.SX(0)
     for k in range(depth):
-        here = (lag > k) * (lag <= k + 1)
-        end = [past[4 * k + j] for j in range(4)]
-        found = [old + ca.if_else(here, new, 0) for old, new in zip(found, [*end, k], strict=True)]
-    y0, y1, s0, s1, whole = found
-    at = 1 - (lag - whole)
-    cubic = (
-        y0 * (1 + 2 * at) * (1 - at) ** 2
-        + s0 * at * (1 - at) ** 2
-        + y1 * at**2 * (3 - 2 * at)
-        - s1 * at**2 * (1 - at)
-    )
-    return ca.if_else(lag > 0, cubic, now)
+        found += ca.if_else((lag > k) * (lag <= k + 1), past[k], 0)
+    return ca.if_else(lag > 0, found, now)

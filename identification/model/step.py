@@ -27,17 +27,19 @@ Rosenbrock methods, here the pair called exprb32); Al-Mohy and Higham, SIAM J. S
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache, partial
+from typing import Any
 
 import casadi as ca
 
+from identification.arrays import Array
 from identification.model.composite import INPUTS, Hold, MotorModel
-from identification.model.history import history_size, updated_history
+from identification.model.history import Moment, history_size, shares_before, updated_history
 from identification.model.step_plan import StepPlan
 from identification.model.term import Expression
 
-__all__ = ["advance", "step_function", "transition_functions"]
+__all__ = ["advance", "part_of_interval", "step_function", "transition_functions"]
 
 
 @lru_cache
@@ -49,17 +51,41 @@ def step_function(model: MotorModel, plan: StepPlan) -> ca.Function:
     n, averaged = len(model.state_names), model.averaged
     carry, inputs, parameter = model.symbols(history_size(model))
     state = carry[:n]
-    whole = advance(model, plan, state, inputs, parameter, averaged)
-    advanced = whole[:n]
-    logged = model.logged(state, inputs, parameter)
-    if model.delays or averaged:
-        now, slopes = _inputs_within(model.held)(inputs)
-        end = now + inputs[0] * slopes
-        history, logged = updated_history(
-            model, (state, whole), carry[n:], (inputs, end), parameter, logged
+    end = advance(model, plan, state, inputs, parameter, averaged)
+    if not (model.delays or averaged):
+        logged = model.logged(state, inputs, parameter)
+        return ca.Function("step", [carry, inputs, parameter], [end, logged])
+    columns, instants = ca.vertsplit(inputs), []
+    for share in shares_before(model, inputs, parameter):
+        row, later = (
+            ca.vertcat(*part_of_interval(columns, model.held, *part).values())
+            for part in ((0.0, share), (share, 1.0))
         )
-        advanced = ca.vertcat(advanced, history)
+        states = advance(model, plan, state, row, parameter, averaged)
+        instants.append(Moment(states, later))
+    history, logged = updated_history(
+        model, carry[n:], (Moment(state, inputs), end, instants), parameter
+    )
+    advanced = ca.vertcat(end[:n], history)
     return ca.Function("step", [carry, inputs, parameter], [advanced, logged])
+
+
+def part_of_interval(
+    inputs: Iterable[Any], hold: Hold, begin: Any, share: Any
+) -> dict[str, Array | Expression]:
+    """Inputs of a part of an interval, as fractions of it; arrays or expressions."""
+    row = dict(zip(INPUTS, inputs, strict=True))
+    moving = ("voltage", "temperature", "angle") if hold == "foh" else ("temperature", "angle")
+    for name in moving:
+        start = row[name]
+        change = row[f"{name}_next"] - start
+        row[name] = start + change * begin
+        row[f"{name}_next"] = start + change * (begin + share)
+    whole = row["interval"]
+    row["time"] = row["time"] + whole * begin
+    row["interval"], row["turn"] = whole * share, row["turn"] * share
+    row["substeps"] = row["substeps"] / share
+    return row
 
 
 def advance(

@@ -15,10 +15,10 @@ Source: Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 2
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Final
+from typing import Final
 
 import casadi as ca
 import numpy as np
@@ -28,9 +28,8 @@ from identification.arrays import Array, Index
 from identification.model.blocks import blocks
 from identification.model.composite import INPUTS, Hold, MotorModel
 from identification.model.scan import Scan, scan_of
-from identification.model.step import advance
+from identification.model.step import advance, part_of_interval
 from identification.model.step_plan import StepPlan
-from identification.model.term import Expression
 
 __all__ = ["MOST_SUBSTEPS", "Substeps", "divided", "doublings", "error_scan", "evenly", "refined"]
 
@@ -102,26 +101,8 @@ def divided(inputs: Array, substeps: Substeps, hold: Hold) -> Array:
     """Inputs (n_row, n_input) with one row per substep, from those of the samples."""
     rows = np.repeat(inputs, substeps.counts, axis=0)
     begins, shares = substeps.begins, substeps.shares
-    part = _part(rows.T, hold, begins, shares) | {"substep": begins / shares}
+    part = part_of_interval(rows.T, hold, begins, shares) | {"substep": begins / shares}
     return np.column_stack([part[name] for name in INPUTS])
-
-
-def _part(
-    inputs: Iterable[Any], hold: Hold, begin: Any, share: Any
-) -> dict[str, Array | Expression]:
-    """Inputs of a part of an interval, as fractions of it; arrays or expressions."""
-    row = dict(zip(INPUTS, inputs, strict=True))
-    moving = ("voltage", "temperature", "angle") if hold == "foh" else ("temperature", "angle")
-    for name in moving:
-        start = row[name]
-        change = row[f"{name}_next"] - start
-        row[name] = start + change * begin
-        row[f"{name}_next"] = start + change * (begin + share)
-    whole = row["interval"]
-    row["time"] = row["time"] + whole * begin
-    row["interval"], row["turn"] = whole * share, row["turn"] * share
-    row["substeps"] = row["substeps"] / share
-    return row
 
 
 @lru_cache
@@ -129,7 +110,7 @@ def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
     """Loop that advances in half steps and outputs their difference from the whole step, (2,)."""
     x, u, p = model.symbols()
     step = ca.Function("step", [x, u, p], [advance(model, plan, x, u, p)])
-    parts = [_part(ca.vertsplit(u), model.held, begin, 0.5) for begin in (0.0, 0.5)]
+    parts = [part_of_interval(ca.vertsplit(u), model.held, begin, 0.5) for begin in (0.0, 0.5)]
     first, second = (ca.vertcat(*[part[name] for name in INPUTS]) for part in parts)
     end = step(step(x, first, p), second, p)
     return scan_of(ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="few")

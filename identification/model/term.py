@@ -259,11 +259,9 @@ class AbstractSensor(AbstractTerm):
 class AbstractDelay(AbstractTerm):
     """Channel that lags the others by its parameter `delay` [s].
 
-    The reading is the delayed model output, interpolated by the cubic Hermite polynomial of the
-    sample interval.  The slopes jump at samples at which the voltage jumps, so linear
-    interpolation would be wrong by the curvature of the current.  A lagging voltage is equivalent
-    to both other channels leading: the simulation uses the voltage `depth` samples ahead and
-    delays both channels by `depth` minus the delay.
+    The reading is that of a step up to the instant before the sample (`history.py`).  A lagging
+    voltage is equivalent to both other channels leading: the simulation uses the voltage `depth`
+    samples ahead and delays both channels by `depth` minus the delay.
     """
 
     channel: str
