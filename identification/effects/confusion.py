@@ -53,8 +53,9 @@ FRICTION: Final = Confusion(
     "components of friction",
     "The speeds of the runs separate Coulomb friction, Stribeck friction, viscous friction "
     "and drag: standstill and reversals determine the first two, the highest speeds the "
-    "last. Friction that is proportional to the load of a gear or bearing depends on the "
-    "current and appears as Coulomb friction if load and direction change together.",
+    "last. Friction that is proportional to the torque through a gear or bearing appears as "
+    "Coulomb friction if that torque is constant, as the weight of a hoist; if it accelerates "
+    "an inertia, it is reported as unlisted.",
 )
 
 TORQUE_CONSTANT: Final = Confusion(

@@ -26,6 +26,7 @@ from identification.model.term import (
     AbstractTemperature,
     AbstractTerm,
     AbstractTorque,
+    AbstractTransmission,
     AbstractVoltage,
     AbstractVoltageFilter,
     Expression,
@@ -218,6 +219,12 @@ class MotorModel:
         resistance = coefficient_at(values.Ra25, values.alpha_Ra, winding) * factor["Ra"]
         constant = coefficient_at(values.Kt25, values.alpha_Kt, magnet) * factor["Kt"]
         current, speed = signals.current, signals.speed
+        net = constant * current - values.b * factor["b"] * speed + torque
+        torque += sum(
+            term.loss(net, signals, v)
+            for term, _, v in parts
+            if isinstance(term, AbstractTransmission)
+        )
         rates = [
             current_rate(
                 voltage + lost, current, speed, resistance, constant, values.L * factor["L"]

@@ -3,6 +3,7 @@
 A term is a frozen class with parameters and a formula:
 
     AbstractTorque        torque on the shaft                            [N m]
+    AbstractTransmission  loss of torque on its way to the inertia       [N m]
     AbstractVoltage       voltage in the armature circuit                [V]
     AbstractCoefficient   factor on Ra, Kt, L, J or b                    [-]
     AbstractTemperature   effective temperature of winding or magnet     [degC]
@@ -13,7 +14,7 @@ A term is a frozen class with parameters and a formula:
     AbstractMean          average over sample intervals as the reading of a channel
     AbstractHold          other inter-sample behaviour of the voltage
 
-The first seven have one abstract method each, the formula.  Any term may add states of its own
+The first eight have one abstract method each, the formula.  Any term may add states of its own
 (`states` and `rates`).  `composite.py` adds terms to the nominal equations through these interfaces
 alone, so a new effect is one class in one file.
 
@@ -43,6 +44,7 @@ __all__ = [
     "AbstractTemperature",
     "AbstractTerm",
     "AbstractTorque",
+    "AbstractTransmission",
     "AbstractVoltage",
     "AbstractVoltageFilter",
     "Channel",
@@ -178,6 +180,14 @@ class AbstractTorque(AbstractTerm):
     @abstractmethod
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque added to the right-hand side of J dw/dt = Kt i - b w + ... [N m]."""
+
+
+class AbstractTransmission(AbstractTerm):
+    """Loss of torque between the motor and the inertia, which depends on the torque itself."""
+
+    @abstractmethod
+    def loss(self, net: Expression, signals: Signals, values: Values) -> Expression:
+        """Torque added to the sum `net` of all others, J dw/dt without this term [N m]."""
 
 
 class AbstractVoltage(AbstractTerm):
