@@ -93,7 +93,7 @@ def _compared(run: Run, name: str, predicted: Array) -> tuple[Array, Array]:
     """Measured and predicted samples of a channel that are compared, (n_compared,) each."""
     kept = np.isfinite(predicted) & ~run.omitted(name)
     kept[: int(_START * run.rows)] = False
-    return run.channels[name][kept], predicted[kept]
+    return run.between_updates(name)[kept], predicted[kept]
 
 
 def _slope(measured: Array, predicted: Array) -> float | None:

@@ -9,7 +9,8 @@ the motor by up to one update, and the next update looks like a jump.  A channel
 - some changes exceed its quantisation step.  A slow ramp in coarse steps changes as regularly, by
   one step at a time.
 
-Updates by another clock drift: with long periods, an interval may deviate by one sample.
+Updates by another clock drift: with long periods, an interval may deviate by one sample.  A speed
+from the pulses of a tachometer is updated at angles instead of times (`pulses.py`).
 
 Source: Hoeffding, J. American Statistical Association 58 (1963), 13-30, theorem 1 (Chernoff bound).
 """
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.arrays import Array
+from identification.ingest.pulses import Pulses, find_pulses
 from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["find_held"]
@@ -41,15 +43,16 @@ _STEPS: Final = 1.5
 
 
 def find_held(
-    channels: dict[str, Array], locator: SourceLocator
-) -> tuple[dict[str, Mask], list[RunWarning]]:
+    channels: dict[str, Array], time: Array, locator: SourceLocator
+) -> tuple[dict[str, Mask], Pulses | None, list[RunWarning]]:
     """Find the samples of current and speed that repeat the value of the last update.
 
     Returns:
-        Channel name to boolean (n_sample,), True at a repeat, for channels with such samples; and
-        one warning for each.
+        Channel name to boolean (n_sample,), True at a repeat, for channels with such samples; the
+        pulses, if the speed is that of a pulse tachometer; and one warning for each channel.
     """
     held: dict[str, Mask] = {}
+    pulses = None
     warnings = []
     for name in ("current_A", "speed_rad_s"):
         changes = 1 + np.flatnonzero(np.diff(channels[name]))
@@ -62,7 +65,17 @@ def find_held(
                 "at their times"
             )
             warnings.append(locator.warning("held_channel", message, name, int(changes[0])))
-    return held, warnings
+    if "speed_rad_s" not in held:
+        pulses = find_pulses(time, channels["speed_rad_s"])
+    if pulses is not None:
+        held["speed_rad_s"] = ~pulses.measured(time)
+        message = (
+            f"takes a new value every {pulses.angle / (2 * math.pi):.3g} revolutions, as from the "
+            f"pulses of a tachometer; each of the {pulses.times.size} values counts in the middle "
+            "of the period between pulses that it measures, and the repeats are omitted"
+        )
+        warnings.append(locator.warning("held_channel", message, "speed_rad_s"))
+    return held, pulses, warnings
 
 
 def _period(signal: Array, changes: NDArray[np.intp]) -> int:

@@ -182,7 +182,7 @@ def _run(
     warnings += check_values(values, time, locator, constants)
     measured = {name: values[name] for name in ("voltage_V", "current_A", "speed_rad_s")}
     clipped, notes = find_clipped(measured, locator)
-    held, more = find_held(measured, locator)
+    held, pulses, more = find_held(measured, time, locator)
     notes += more
     spare = _spare(table.columns, channels)
     run = Run(
@@ -197,6 +197,7 @@ def _run(
         segments=segments,
         clipped=clipped,
         held=held,
+        pulses=pulses,
         sources=sources,
         direction=next((c.title for c in spare if any(map(is_direction, c.texts))), None),
     )

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from identification.arrays import Array
 from identification.errors import Example, RunFileError
+from identification.ingest.pulses import Pulses
 
 __all__ = ["Run", "RunWarning", "Source", "SourceLocator", "write_run"]
 
@@ -165,7 +166,9 @@ class Run:
     clipped: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
     """Channel name to boolean (n_sample,), True where the sensor saturated."""
     held: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
-    """Channel name to boolean (n_sample,), True where the value repeats that of the last update."""
+    """Channel name to boolean (n_sample,), True where no value was measured: between updates."""
+    pulses: Pulses | None = None
+    """Speeds at the times at which a pulse tachometer measured them; None for any other sensor."""
     warnings: tuple[RunWarning, ...] = ()
     sources: Mapping[str, Source] = field(default_factory=dict)
     """Channel name to source column; empty for a synthetic run."""
@@ -205,6 +208,8 @@ class Run:
 
     def between_updates(self, name: str) -> Array:
         """(n_sample,) channel of a canonical name, interpolated linearly where it is held."""
+        if name == "speed_rad_s" and self.pulses is not None:
+            return np.interp(self.time, self.pulses.times, self.pulses.speeds)
         signal, held = self.channels[name], self.held.get(name)
         if held is None:
             return signal
