@@ -31,13 +31,13 @@ from identification.arrays import Array, Bool
 
 __all__ = ["Pulses", "find_pulses"]
 
-_LEVEL: Final = 1e-9
+_LEVEL: Final = 1e-4
 """Probability that a speed which is not from pulses counts as such."""
-_LONG: Final = 3.0
-"""Least interval between changes that tells of a period [samples]."""
+_LONG: Final = 2.5
+"""Interval between changes, and period, above which an interval tells of the period [samples]."""
 _REGULAR: Final = 0.9
 """Least fraction of the intervals that agree; the others are of pulses that were missed."""
-_QUANTILES: Final = (0.1, 0.25, 0.5)
+_QUANTILES: Final = (0.02, 0.1, 0.25, 0.5)
 """Quantiles of the angles between changes among which that of a pulse is; others are multiples."""
 _FROM_REST: Final = 2.6
 """Least time until the first speed of a shaft that starts at rest, over the period between the
@@ -73,13 +73,16 @@ def find_pulses(time: Array, speed: Array) -> Pulses | None:
     interval = float(np.median(np.diff(time)))
     changes = 1 + np.flatnonzero(np.diff(speed))
     gaps, values = np.diff(time[changes]), np.abs(speed[changes[1:]])
-    long = (gaps >= (_LONG - 0.5) * interval) & (values > 0.0)
-    if not long.any():
+    used = (gaps > _LONG * interval) & (values > 0.0)
+    gaps, values = gaps[used], values[used]
+    if not gaps.size:
         return None
-    angles = np.quantile(gaps[long] * values[long], _QUANTILES)
+    angles = [
+        _refined(float(angle), gaps, values, interval)
+        for angle in np.quantile(gaps * values, _QUANTILES)
+    ]
     improbable, angle = max(
-        (_improbability(gaps[long], values[long], float(angle), interval), float(angle))
-        for angle in angles
+        (_improbability(gaps, values, angle, interval), angle) for angle in angles
     )
     if improbable < -math.log(_LEVEL / len(_QUANTILES)):
         return None
@@ -92,23 +95,35 @@ def find_pulses(time: Array, speed: Array) -> Pulses | None:
     return Pulses(angle, times[rising], speeds[rising])
 
 
+def _refined(angle: float, gaps: Array, values: Array, interval: float) -> float:
+    """Median angle [rad] of the intervals that are near one period or several."""
+    agree = _agree(gaps, values, angle, interval)
+    number = np.maximum(np.round(gaps * values / angle), 1.0)
+    return float(np.median((gaps * values / number)[agree])) if agree.any() else angle
+
+
 def _improbability(gaps: Array, values: Array, angle: float, interval: float) -> float:
-    """Least negative log probability that as many intervals agree with their values by chance."""
+    """Least negative log probability that as many intervals agree with their values by chance.
+
+    Any interval is near a multiple of a period that is shorter than a few samples.
+    """
+    slow = angle / values > _LONG * interval
+    gaps, values = gaps[slow], values[slow]
+    if gaps.size < 2:
+        return 0.0
     share = float(_agree(gaps, values, angle, interval).mean())
-    others = [
-        _agree(gaps, np.roll(values, shift), angle, interval).mean()
-        for shift in np.linspace(1, gaps.size - 1, min(_SHIFTS, gaps.size - 1)).astype(int)
-    ]
-    chance = float(np.mean(others)) if others else 1.0
+    shifts = np.unique(np.linspace(1, gaps.size - 1, _SHIFTS).astype(int))
+    others = [_agree(gaps, np.roll(values, k), angle, interval).mean() for k in shifts]
+    chance = max(float(np.mean(others)), 1e-9)
     if share < _REGULAR or share <= chance:
         return 0.0
     rest = (1.0 - share) * math.log((1.0 - share) / (1.0 - chance)) if share < 1.0 else 0.0
-    return gaps.size * (share * math.log(share / max(chance, 1e-9)) + rest)
+    return gaps.size * (share * math.log(share / chance) + rest)
 
 
 def _agree(gaps: Array, values: Array, angle: float, interval: float) -> Bool:
     """(n,) True if an interval is one period or several, within a sample interval."""
     periods = angle / values
     number = np.maximum(np.round(gaps / periods), 1.0)
-    # Half a sample more, since the angle is known from rounded intervals.
-    return np.asarray(np.abs(gaps - number * periods) <= 1.5 * interval)
+    # A tenth of a sample more, since the angle is known from rounded intervals.
+    return np.asarray(np.abs(gaps - number * periods) <= 1.1 * interval)
