@@ -19,7 +19,13 @@ from identification.arrays import Array
 from identification.effects.confusion import Confusion
 from identification.model.declared import DECLARED
 from identification.model.excitation import Record
-from identification.model.term import AbstractDelay, AbstractHold, AbstractMean, AbstractTerm
+from identification.model.term import (
+    AbstractDelay,
+    AbstractHold,
+    AbstractMean,
+    AbstractRecursion,
+    AbstractTerm,
+)
 
 __all__ = [
     "REGISTERED",
@@ -265,7 +271,8 @@ class Candidate:
     @property
     def can_rest(self) -> bool:
         """Whether the term has neutral values, at which it leaves the model unchanged."""
-        if self.term.states or isinstance(self.term, AbstractDelay | AbstractHold | AbstractMean):
+        sampled = AbstractDelay | AbstractHold | AbstractMean | AbstractRecursion
+        if self.term.states or isinstance(self.term, sampled):
             return False
         return any(parameter.vanishes for parameter in self.term.parameters)
 

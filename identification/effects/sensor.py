@@ -8,6 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from identification.arrays import Array
+from identification.effects.average import (
+    CurrentAverage,
+    CurrentRecursion,
+    DigitalFilter,
+    SpeedAverage,
+    SpeedMean,
+    SpeedRecursion,
+)
 from identification.effects.confusion import INDUCTANCE
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import columns, shape
@@ -15,7 +23,6 @@ from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractDelay,
     AbstractHold,
-    AbstractMean,
     AbstractSensor,
     Expression,
     Signals,
@@ -28,6 +35,8 @@ __all__ = ["ChannelDelay", "CurrentFilter", "InputHold", "SpeedFilter"]
 _SOURCE = "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"
 
 
+_FASTEST = 0.1
+"""Shortest time constant of a filter that the sampling resolves, over the sample interval."""
 _INDUCTANCES = (0.5, 0.2, 0.05)
 """Fractions of a fitted inductance that may remain once filters take up the lag, so that the sum of
 the lags of each channel is unchanged."""
@@ -89,6 +98,12 @@ class _Filter(AbstractEffect, AbstractSensor):
         return (time, second) if self.order == 2 else (time,)
 
     @property
+    def rival_laws(self) -> tuple[AbstractEffect, ...]:
+        """Filters of the samples with the same lag; another effect can make up for them."""
+        digital = (law for law in self.laws if issubclass(law, DigitalFilter))
+        return tuple(law(self.fastest / _FASTEST) for law in digital)
+
+    @property
     def states(self) -> tuple[State, ...]:
         filtered = State("filtered", self.unit, self.channel, fades=True)
         rise = State("rise", self.unit, fades=True)
@@ -112,7 +127,7 @@ class _Filter(AbstractEffect, AbstractSensor):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         scanned = [f * scales.interval for f in (0.7, 3.0, 12.0, 50.0)]
-        ends = 0.1 * scales.interval, 300 * scales.interval
+        ends = _FASTEST * scales.interval, 300 * scales.interval
         found = []
         for order, second in ((1, ()), (2, (0.4,))):
             starts = columns(*[(time, *second) for time in scanned])
@@ -121,42 +136,18 @@ class _Filter(AbstractEffect, AbstractSensor):
         return found
 
 
-@dataclass(frozen=True)
-class SpeedMean(AbstractEffect, AbstractMean):
-    """Mean of the speed over the sample interval, as from differenced encoder counts."""
-
-    law: str = "mean over the sample interval"
-    """Name of the law in a result."""
-
-    name = "speed_filter"
-    equation = "sensor"
-    drivers = ("speed",)
-    channel = "speed"
-    source = (
-        "Petrella, Tursini, Peretti and Zigliotto, Proc. ACEMP (2007), 780-787 (speed from counts)"
-    )
-    parameters = ()
-
-    @property
-    def variant(self) -> str:
-        return self.law
-
-    @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        return [Candidate(cls(), columns(()))]
-
-
 @register
 @dataclass(frozen=True)
 class SpeedFilter(_Filter):
-    """Low-pass filter of first or second order in the logged speed, or its mean over an interval.
+    """Low-pass filter of first or second order in the logged speed, or a filter of its samples.
 
         tau dy/dt + q tau^2 d2y/dt2 = w - y,   logged speed = y             [rad/s]
-        logged speed = (phi(t) - phi(t - h)) / h                            [rad/s]
+        logged speed = (phi(t) - phi(t - 2 tau)) / (2 tau)                  [rad/s]
+        y_k = a y_(k-1) + (1 - a) w_k,   a = exp(-h / tau)                  [rad/s]
 
-    The first law is a filter, of first order if q is absent.  The second law is the mean over the
-    sample interval h that ends at the sample, as from differenced counts of an encoder with angle
-    phi; it has no parameter.
+    The first law is a filter, of first order if q is absent.  The second law is the mean over a
+    window that ends at the sample, as from differenced counts of an encoder with angle phi; it has
+    no parameter if the window is the sample interval h.  The third law is a recursive filter.
     """
 
     name = "speed_filter"
@@ -164,7 +155,7 @@ class SpeedFilter(_Filter):
     drivers = ("speed",)
     channel = "speed"
     unit = "rad/s"
-    laws = (SpeedMean,)
+    laws = (SpeedMean, SpeedAverage, SpeedRecursion)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
@@ -174,11 +165,14 @@ class SpeedFilter(_Filter):
 @register
 @dataclass(frozen=True)
 class CurrentFilter(_Filter):
-    """Low-pass filter of first or second order in the logged current.
+    """Low-pass filter of first or second order in the logged current, or a filter of its samples.
 
-    tau dy/dt + q tau^2 d2y/dt2 = i - y,   logged current = y           [A]
+        tau dy/dt + q tau^2 d2y/dt2 = i - y,   logged current = y           [A]
+        logged current = mean of i over a window 2 tau that ends at the sample      [A]
+        y_k = a y_(k-1) + (1 - a) i_k,   a = exp(-h / tau)                  [A]
 
-    The filter is of first order if q is absent.
+    The first law is a filter, of first order if q is absent.  The second law is that of integrating
+    converters and moving averages, the third that of a recursive filter with sample interval h.
     """
 
     name = "current_filter"
@@ -186,6 +180,7 @@ class CurrentFilter(_Filter):
     drivers = ("current",)
     channel = "current"
     unit = "A"
+    laws = (CurrentAverage, CurrentRecursion)
 
 
 @register

@@ -69,7 +69,7 @@ def fmu(motor: Exported, header: list[str], fmi: Fmi) -> tuple[bytes, tuple[str,
     token = hashlib.sha256(f"{fmi}{code}".encode()).hexdigest()[:32]
     token = "-".join([token[:8], token[8:12], token[12:16], token[16:20], token[20:]])
     token = f"{{{token}}}" if fmi == 2 else token
-    is_sampled = bool(motor.model.delays or motor.model.averaged)
+    is_sampled = motor.model.has_history
     source = code + "\n" + TEMPLATES.get_template("fmu.c").render(
         fmi=fmi, token=token, is_sampled=is_sampled, interval=motor.interval, excluded=_EXCLUDED
     )  # fmt: skip

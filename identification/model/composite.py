@@ -21,6 +21,7 @@ from identification.model.term import (
     AbstractDelay,
     AbstractHold,
     AbstractMean,
+    AbstractRecursion,
     AbstractSensor,
     AbstractSupply,
     AbstractTemperature,
@@ -109,10 +110,20 @@ class MotorModel:
         return tuple(term for term in self.terms if isinstance(term, AbstractVoltageFilter))
 
     @property
-    def averaged(self) -> tuple[int, ...]:
-        """Indices of the channels that log averages: 0 for the current, 1 for the speed."""
-        means = [term.channel for term in self.terms if isinstance(term, AbstractMean)]
-        return tuple(k for k, channel in enumerate(CHANNELS) if channel in means)
+    def averaged(self) -> dict[int, AbstractMean]:
+        """Term by index of the channels that log averages: 0 for the current, 1 for the speed."""
+        means = {term.channel: term for term in self.terms if isinstance(term, AbstractMean)}
+        return {k: means[channel] for k, channel in enumerate(CHANNELS) if channel in means}
+
+    @property
+    def recursions(self) -> tuple[AbstractRecursion, ...]:
+        """Recursive filters of the samples of a channel."""
+        return tuple(term for term in self.terms if isinstance(term, AbstractRecursion))
+
+    @property
+    def has_history(self) -> bool:
+        """True if a reading depends on the states at earlier samples."""
+        return bool(self.delays or self.averaged or self.recursions)
 
     @property
     def advance(self) -> int:
@@ -127,22 +138,33 @@ class MotorModel:
     def edges(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Samples at both ends of a record that depend on data outside it, for each channel.
 
-        At the start this is the longest delay, plus one for an averaged channel, or the samples by
-        which the voltage is read behind the log.  At the end it is the advance of the voltage.
+        At the start this is the longest delay, plus the longest average of a channel, or the
+        samples by which the voltage is read behind the log.  At the end it is the advance of the
+        voltage.
         """
         first, last = [max(-self.advance, 0)] * 2, max(self.advance, 0)
         for term in self.delays:
             for k, channel in enumerate(CHANNELS):
                 if term.channel in (channel, "voltage"):
                     first[k] = max(first[k], term.depth)
-        for k in self.averaged:
-            first[k] += 1
+        for k, mean in self.averaged.items():
+            first[k] += mean.intervals
         return (first[0], last), (first[1], last)
 
     def lag(self, term: AbstractDelay, parameter: Expression) -> Expression:
         """Delay of the simulated channels of `term` in sample intervals [-]."""
         own = self._values(parameter)[1]
         return term.lag(own[self.terms.index(term)])
+
+    def window(self, term: AbstractMean, parameter: Expression) -> Expression:
+        """Length of the average of `term` in sample intervals [-]."""
+        own = self._values(parameter)[1]
+        return term.window(own[self.terms.index(term)])
+
+    def gain(self, term: AbstractRecursion, parameter: Expression) -> Expression:
+        """Weight of the latest sample in the filter of `term` [-]."""
+        own = self._values(parameter)[1]
+        return term.gain(own[self.terms.index(term)])
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -1,4 +1,4 @@
-"""History buffers of delayed and averaged channels.
+"""History buffers of delayed, averaged and filtered channels.
 
 A delayed channel is read at an instant within each sample interval: the step is taken a second
 time, up to that instant, and the reading there enters the buffer of the delay.  It is as accurate
@@ -6,10 +6,16 @@ as the states, also where the current settles within a fraction of a sample inte
 holds the reading of the interval that is being integrated, then those of past ones, the latest
 first.
 
-An averaged channel keeps its integral over the interval so far and its last average.  If it is
-delayed, it also keeps its average a from the instant to the end of the last interval: with a share
-f of the interval before the instant, the average over the last h seconds is the integral up to the
-instant over h, plus (1 - f) a.
+An averaged channel keeps its integral over the interval so far, and its means over past intervals,
+the latest first; their weighted sum is the average over a window of n intervals.  The window may
+end within an interval, in which the signal is taken for the line through two means.
+
+A channel with both keeps its means between the instants instead: the integral up to the instant
+over the interval h, plus (1 - f) a, with the share f of the interval before the instant and the
+mean a from the instant to the end of the interval before.
+
+A recursive filter keeps its last value.  It filters what is left of the samples: a filter of their
+sequence commutes with delays and averages.
 """
 
 from __future__ import annotations
@@ -23,12 +29,10 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.model.composite import CHANNELS, INPUTS, MotorModel
-from identification.model.term import AbstractDelay, Expression
+from identification.model.term import AbstractDelay, AbstractMean, Expression
 
 __all__ = ["Moment", "history_size", "initial_history", "shares_before", "updated_history"]
 
-_MEAN: Final = 2
-"""Values per averaged channel: integral over the interval so far, last average."""
 _LEAST: Final = 1e-9
 """Share of a substep before an instant at its start: above zero, since inputs are divided by it."""
 
@@ -53,11 +57,15 @@ def initial_history(model: MotorModel, logged: Array) -> Array:
 
     `logged` (2,) is current and speed at the first sample [A, rad/s].
     """
-    parts = [np.array([0.0, logged[channel]]) for channel in model.averaged]
-    for term in model.delays:
-        for channel in _delayed(term):
-            size = 1 + term.depth + (channel in model.averaged)
+    parts: list[Array] = []
+    for channel, term in model.averaged.items():
+        parts += [np.zeros(1), np.full(term.intervals, logged[channel])]
+    for delay in model.delays:
+        for channel in _delayed(delay):
+            mean = model.averaged.get(channel)
+            size = 1 + _depth(delay.depth, mean) + bool(mean)
             parts.append(np.full(size, logged[channel]))
+    parts += [np.array([logged[CHANNELS.index(term.channel)]]) for term in model.recursions]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
@@ -88,58 +96,158 @@ def updated_history(
     at the end; the readings are (2,).
     """
     start, end, instants = moments
-    index, count, interval = (
-        start.inputs[INPUTS.index(name)] for name in ("substep", "substeps", "interval")
-    )
-    begins, ends = index < 0.5, index > count - 1.5
-    # The last interval of a record has zero length.
-    inverse = ca.if_else(interval > 0, 1 / (interval * count), 0)
-    n, at = len(model.state_names), 0
+    buffer, substep = _Buffer(ca.vertsplit(history)), _Substep.of(start.inputs)
+    n = len(model.state_names)
     now = model.logged(start.states[:n], start.inputs, parameter)
-    readings, kept = [now[0], now[1]], []
-    before: dict[int, Expression] = {}
-    total: dict[int, Expression] = {}
-    for row, channel in enumerate(model.averaged):
-        before[channel] = ca.if_else(begins, 0, history[at])
-        total[channel] = before[channel] + end[n + row]
-        readings[channel] = history[at + 1]
-        kept += [total[channel], ca.if_else(ends, total[channel] * inverse, history[at + 1])]
-        at += _MEAN
-    for instant, term in zip(instants, model.delays, strict=True):
+    readings = [now[0], now[1]]
+    means: dict[int, _Mean] = {}
+    for row, (channel, term) in enumerate(model.averaged.items(), start=n):
+        mean = means[channel] = _Mean(row, term.intervals, model.window(term, parameter))
+        readings[channel] = mean.updated(buffer, substep, end[row])
+    for instant, delay in zip(instants, model.delays, strict=True):
+        lag = _Lag(model.lag(delay, parameter), delay.depth)
         read = model.logged(instant.states[:n], instant.inputs, parameter)
-        lag = model.lag(term, parameter)
-        share = _share_before(lag)
+        for channel in _delayed(delay):
+            own = means.get(channel)
+            late = lag.updated(buffer, substep, read[channel], instant.states, own)
+            readings[channel] = ca.if_else(lag.value > 0, late, readings[channel])
+    for recursion in model.recursions:
+        channel = CHANNELS.index(recursion.channel)
+        (last,) = buffer.take(1)
+        gain = model.gain(recursion, parameter)
+        readings[channel] = last + gain * (readings[channel] - last)
+        buffer.keep(ca.if_else(substep.begins, readings[channel], last))
+    return ca.vertcat(*buffer.kept), ca.vertcat(*readings)
+
+
+class _Buffer:
+    """History, taken value by value and kept in the same order."""
+
+    def __init__(self, values: Sequence[Expression]) -> None:
+        self._left = iter(values)
+        self.kept: list[Expression] = []
+
+    def take(self, number: int) -> list[Expression]:
+        return [next(self._left) for _ in range(number)]
+
+    def keep(self, *values: Expression) -> None:
+        self.kept += values
+
+    def shift(self, past: Sequence[Expression], latest: Expression, ends: Expression) -> None:
+        """Keep the latest value before the past ones, at the end of an interval."""
+        moved = (latest, *past[:-1])
+        self.kept += [ca.if_else(ends, new, old) for new, old in zip(moved, past, strict=True)]
+
+
+@dataclass(frozen=True)
+class _Substep:
+    """Place of a substep in its sample interval."""
+
+    index: Expression
+    """Substeps of this length before it [-]."""
+    count: Expression
+    """Substeps of this length in the interval [-]."""
+    inverse: Expression
+    """Reciprocal of the interval [1/s]; zero for the last one of a record, which has no length."""
+
+    @staticmethod
+    def of(inputs: Expression) -> _Substep:
+        names = ("substep", "substeps", "interval")
+        index, count, length = (inputs[INPUTS.index(name)] for name in names)
+        return _Substep(index, count, ca.if_else(length > 0, 1 / (length * count), 0))
+
+    @property
+    def begins(self) -> Expression:
+        """True in the first substep of an interval."""
+        return self.index < 0.5
+
+    @property
+    def ends(self) -> Expression:
+        """True in the last substep of an interval."""
+        return self.index > self.count - 1.5
+
+
+class _Mean:
+    """Average of a channel, whose integral is a state."""
+
+    def __init__(self, row: int, intervals: int, window: Expression) -> None:
+        self.row, self.intervals, self._window = row, intervals, window
+        self.before: Expression = 0
+        """Integral over the part of the interval before the substep."""
+        self.whole: Expression = 0
+        """The same up to the end of the substep, over the interval."""
+
+    def updated(self, buffer: _Buffer, substep: _Substep, integral: Expression) -> Expression:
+        """Average at the start of a substep over which the channel has this integral."""
+        (so_far,), past = buffer.take(1), buffer.take(self.intervals)
+        self.before = ca.if_else(substep.begins, 0, so_far)
+        total = self.before + integral
+        self.whole = total * substep.inverse
+        buffer.keep(total)
+        buffer.shift(past, self.whole, substep.ends)
+        return self.over_window(past)
+
+    def over_window(self, means: Sequence[Expression]) -> Expression:
+        """Average over the window, from the means over each interval, the latest first."""
+        count = len(means)
+        if count == 1:
+            return means[0]
+        shares = [ca.fmin(ca.fmax(self._window - k, 0), 1) for k in range(count)]
+        # Part of the oldest interval: its end has more of the mean after it than of its own.
+        nearer = [*(share * (1 - share) / 2 for share in shares), 0]
+        weights = [shares[k] - nearer[k] + nearer[k + 1] for k in range(count)]
+        return sum(w * mean for w, mean in zip(weights, means, strict=True)) / self._window
+
+
+@dataclass(frozen=True)
+class _Lag:
+    """Delay of a channel."""
+
+    value: Expression
+    """Sample intervals [-]."""
+    depth: int
+    """Most sample intervals."""
+
+    def updated(
+        self,
+        buffer: _Buffer,
+        substep: _Substep,
+        read: Expression,
+        states: Expression,
+        mean: _Mean | None,
+    ) -> Expression:
+        """Delayed reading at the start of a substep, given that at the instant and its states."""
+        (here,), past = buffer.take(1), buffer.take(_depth(self.depth, mean))
+        share = _share_before(self.value)
+        after: Expression = buffer.take(1)[0] if mean else 0
+        if mean:
+            read = (mean.before + states[mean.row]) * substep.inverse + (1 - share) * after
         # The reading of the last substep that begins before the instant remains.
-        is_before = begins + (share * count > index) > 0
-        for channel in _delayed(term):
-            here, past = history[at], history[at + 1 : at + 1 + term.depth]
-            at += 1 + term.depth
-            new = read[channel]
-            if channel in model.averaged:
-                integral = instant.states[n + model.averaged.index(channel)]
-                new = (before[channel] + integral) * inverse + (1 - share) * history[at]
-            here = ca.if_else(is_before, new, here)
-            kept += [here, ca.if_else(ends, ca.vertcat(here, past[:-1]), past)]
-            if channel in model.averaged:
-                after = history[at] + (total[channel] * inverse - here) / (1 - share)
-                kept.append(ca.if_else(ends, after, history[at]))
-                at += 1
-            readings[channel] = _looked_up(past, term.depth, lag, readings[channel])
-    return ca.vertcat(*kept), ca.vertcat(*readings)
+        is_before = substep.begins + (share * substep.count > substep.index) > 0
+        here = ca.if_else(is_before, read, here)
+        buffer.keep(here)
+        buffer.shift(past, here, substep.ends)
+        if not mean:
+            return self._looked_up(past)
+        rest = after + (mean.whole - here) / (1 - share)
+        buffer.keep(ca.if_else(substep.ends, rest, after))
+        return mean.over_window([self._looked_up(past[k:]) for k in range(mean.intervals)])
+
+    def _looked_up(self, past: Sequence[Expression]) -> Expression:
+        """Value of a buffer that far back in time, if the delay is positive."""
+        at = [(self.value > k) * (self.value <= k + 1) for k in range(self.depth)]
+        return sum(ca.if_else(here, past[k], 0) for k, here in enumerate(at))
 
 
 def _delayed(term: AbstractDelay) -> tuple[int, ...]:
     return (0, 1) if term.channel == "voltage" else (CHANNELS.index(term.channel),)
 
 
+def _depth(depth: int, mean: _Mean | AbstractMean | None) -> int:
+    """Past readings of a channel with a delay up to `depth`, with those that its average needs."""
+    return depth + (mean.intervals - 1 if mean else 0)
+
+
 def _share_before(lag: Expression) -> Expression:
     """Share [-] of each interval before the instant at which a channel with this lag is read."""
     return ca.ceil(lag) - lag
-
-
-def _looked_up(past: Expression, depth: int, lag: Expression, now: Expression) -> Expression:
-    """Reading `lag` intervals back in time; `now` if `lag` is not positive."""
-    found = ca.SX(0)
-    for k in range(depth):
-        found += ca.if_else((lag > k) * (lag <= k + 1), past[k], 0)
-    return ca.if_else(lag > 0, found, now)

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import casadi as ca
 
-from identification.model.composite import CHANNELS, INPUTS, MotorModel
+from identification.model.composite import INPUTS, MotorModel
 from identification.model.instructions import translated
 
 __all__ = ["printed_equations"]
@@ -172,9 +172,21 @@ def printed_equations(model: MotorModel) -> dict[str, str]:
     }
     for root, name in shared.items():
         equations[name] = _math(f"{_name(name)}<mo>=</mo>{printer.text(root, whole=True)}")
-    for k in model.averaged:
-        equations[f"{CHANNELS[k]} channel"] = (
-            f"The {CHANNELS[k]} channel is the mean over the sample interval that ends."
+    return equations | _in_words(model)
+
+
+def _in_words(model: MotorModel) -> dict[str, str]:
+    """What the equations do not show: averages, filters of samples and delays, in sentences."""
+    equations = {}
+    for mean in model.averaged.values():
+        over = f"2 {mean.name}.time_constant" if mean.parameters else "the sample interval"
+        equations[f"{mean.channel} average"] = (
+            f"The {mean.channel} channel is the mean over {over} before the sample."
+        )
+    for filtered in model.recursions:
+        equations[f"{filtered.channel} samples"] = (
+            f"The samples of the {filtered.channel} channel pass a recursive filter, "
+            f"y_k = a y_(k-1) + (1 - a) x_k with a = exp(-h / {filtered.name}.time_constant)."
         )
     if any(term.behind for term in model.voltage_filters):
         equations["voltage samples"] = "v is the voltage of the sample before, v_next the sample's."

@@ -48,11 +48,11 @@ def step_function(model: MotorModel, plan: StepPlan) -> ca.Function:
 
     The carry is the state, followed by the history of delayed and averaged channels (`history.py`).
     """
-    n, averaged = len(model.state_names), model.averaged
+    n, averaged = len(model.state_names), tuple(model.averaged)
     carry, inputs, parameter = model.symbols(history_size(model))
     state = carry[:n]
     end = advance(model, plan, state, inputs, parameter, averaged)
-    if not (model.delays or averaged):
+    if not model.has_history:
         logged = model.logged(state, inputs, parameter)
         return ca.Function("step", [carry, inputs, parameter], [end, logged])
     columns, instants = ca.vertsplit(inputs), []

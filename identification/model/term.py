@@ -12,6 +12,7 @@ A term is a frozen class with parameters and a formula:
     AbstractSensor        sensor reading that differs from the state     [A] or [rad/s]
     AbstractDelay         delay of a channel relative to the others      [s]
     AbstractMean          average over sample intervals as the reading of a channel
+    AbstractRecursion     recursive filter of the samples of a channel
     AbstractHold          other inter-sample behaviour of the voltage
 
 The first eight have one abstract method each, the formula.  Any term may add states of its own
@@ -39,6 +40,7 @@ __all__ = [
     "AbstractDelay",
     "AbstractHold",
     "AbstractMean",
+    "AbstractRecursion",
     "AbstractSensor",
     "AbstractSupply",
     "AbstractTemperature",
@@ -289,13 +291,29 @@ class AbstractDelay(AbstractTerm):
 
 
 class AbstractMean(AbstractTerm):
-    """Channel whose reading is its average over the sample interval that ends there.
+    """Channel whose reading is its average over the sample interval that ends there, or several.
 
     The integral over the interval is an additional state of the integration step, so the average
     is as accurate as the states.  A delay of the same channel delays the average.
     """
 
     channel: ClassVar[Channel]
+    intervals: int = 1
+    """Most sample intervals of an average."""
+
+    def window(self, values: Values) -> Expression:  # noqa: ARG002
+        """Sample intervals of the average, at most `intervals` [-]."""
+        return 1.0
+
+
+class AbstractRecursion(AbstractTerm):
+    """Channel whose samples x_k pass a recursive filter, y_k = y_(k-1) + g (x_k - y_(k-1))."""
+
+    channel: ClassVar[Channel]
+
+    @abstractmethod
+    def gain(self, values: Values) -> Expression:
+        """Weight g of the latest sample [-]."""
 
 
 class AbstractHold(AbstractTerm):

@@ -181,7 +181,7 @@ def enrich(state: State) -> None:
                 Searched(term.name, round_, criteria.gain, criteria, is_accepted, term.variant)
             )
             if is_accepted:
-                state.current, left = richer, list(term.richer)
+                state.current, left = richer, [*term.richer, *term.rival_laws]
 
 
 def backward(state: State) -> None:

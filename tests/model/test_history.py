@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from identification.effects.sensor import ChannelDelay
 from identification.model.composite import MotorModel
-from identification.model.excitation import Record, records_of
+from identification.model.excitation import records_of
 from identification.model.simulate import Simulator
+from tests.model.denser import densely
 from tests.motors import driven, motor_named
 
 SERVO = motor_named("servo 100 W")
@@ -18,19 +17,6 @@ ROWS, FINE = 400, 8
 START = np.array([1.0, 50.0])
 DECLARED = MotorModel(hold="zoh")
 RECORD = records_of([driven(SERVO, ROWS, seed=3, warming=0.0)])[0]
-
-
-def densely(record: Record) -> Record:
-    """The record with eight samples per interval, at the same held voltages."""
-    inputs = np.repeat(record.inputs, FINE, axis=0)
-    inputs[:, 0] /= FINE
-    return replace(
-        record,
-        time=np.concatenate([[0.0], np.cumsum(inputs[:-1, 0])]),
-        inputs=inputs,
-        measured=np.repeat(record.measured, FINE, axis=0),
-        weight=np.repeat(record.weight, FINE, axis=0),
-    )
 
 
 @pytest.mark.parametrize("channel", ["current", "speed"])
@@ -51,7 +37,7 @@ def test_a_delayed_reading_is_exact_however_fast_the_current_settles(
     simulator = Simulator.fitting(delayed, [RECORD], late)
     found = simulator.logged(late[:, None], [START])[0][:, column, 0]
 
-    dense = Simulator.fitting(DECLARED, [densely(RECORD)], values)
+    dense = Simulator.fitting(DECLARED, [densely(RECORD, FINE)], values)
     expected = dense.logged(values[:, None], [START])[0][:, column, 0]
     scale = np.abs(expected).max()
     np.testing.assert_allclose(found[2:], expected[6 : 8 * ROWS - 10 : 8], atol=1e-7 * scale)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from bench import EffectRequest, Noise, make_campaign
-from identification.effects.sensor import ChannelDelay, SpeedFilter, SpeedMean
+from identification.effects.average import SpeedAverage, SpeedMean, SpeedRecursion
+from identification.effects.sensor import ChannelDelay, SpeedFilter
 from identification.fit.declared import fit_declared
 from identification.model.composite import MotorModel
 from identification.model.excitation import records_of
@@ -21,6 +22,7 @@ from identification.selection.refit import refitted_with
 from identification.selection.screen import screened
 from identification.surrogates.entry import term_of
 from tests.effects.hidden import records_of_bench
+from tests.model.denser import densely
 from tests.model.unequal import unequal
 from tests.motors import driven, motor_named
 
@@ -41,16 +43,7 @@ def speed(simulator: Simulator, *more: float) -> np.ndarray:
 
 def test_mean_is_the_integral_of_the_speed_over_the_interval() -> None:
     """Reference: Simpson's rule on 64 substeps; the trapezoid over whole intervals errs by 0.6."""
-    finely = records_of([driven(SERVO, ROWS, seed=3, warming=0.0)])[0]
-    inputs = np.repeat(finely.inputs, FINE, axis=0)
-    inputs[:, 0] /= FINE
-    dense = replace(
-        finely,
-        time=np.concatenate([[0.0], np.cumsum(inputs[:-1, 0])]),
-        inputs=inputs,
-        measured=np.repeat(finely.measured, FINE, axis=0),
-        weight=np.repeat(finely.weight, FINE, axis=0),
-    )
+    dense = densely(RECORDS[0], FINE)
     true = speed(Simulator.fitting(DECLARED, [dense], SERVO.vector))
     within = np.stack([true[k : -FINE - 1 + k or None : FINE] for k in range(FINE + 1)])
     weights = np.ones(FINE + 1)
@@ -116,7 +109,7 @@ def test_either_law_of_a_speed_filter_is_read_from_a_result(
 
 def test_equations_name_the_mean_of_the_speed() -> None:
     """The equation is given in words because a mean is not a function of the state."""
-    assert "mean" in printed_equations(MEAN.model)["speed channel"]
+    assert "mean" in printed_equations(MEAN.model)["speed average"]
 
 
 @pytest.mark.parametrize("motor", ["servo_150w", "ferrite_fan_30w"])
@@ -141,3 +134,44 @@ def test_differenced_angle_is_a_mean_and_reaches_the_noise(motor: str) -> None:
     noise = np.array([measured.truth["noise"][n] for n in ("current_A", "speed_rad_s")])
     assert np.all(fit.weighting.deviation < 1.05 * noise)
     assert declared.weighting.deviation[1] > 1.2 * noise[1]
+
+
+@pytest.mark.parametrize("window", [1.25, 2.0, 3.5, 8.0])
+def test_a_moving_average_is_the_mean_of_the_integral_over_its_window(window: float) -> None:
+    """Reference: the integral of the speed of a log that is 64 times denser."""
+    times = FINE * np.arange(ROWS)
+    dense = speed(Simulator.fitting(DECLARED, [densely(RECORDS[0], FINE)], SERVO.vector))
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (dense[1:] + dense[:-1]))])
+    back = round(window * FINE)
+    expected = (integral[times[10:]] - integral[times[10:] - back]) / back
+
+    model = DECLARED.adding(SpeedAverage(SERVO.interval))
+    values = np.append(SERVO.vector, window * SERVO.interval / 2)
+    found = speed(Simulator.fitting(model, RECORDS, values), values[-1])
+
+    exactly = 1e-5 if window == round(window) else 2e-3
+    np.testing.assert_allclose(found[10:], expected, atol=exactly * np.abs(expected).max())
+    late = DECLARED.adding(ChannelDelay("speed", 4, SERVO.interval), SpeedAverage(SERVO.interval))
+    delayed = Simulator.fitting(late, RECORDS, np.insert(values, -1, 2.0 * SERVO.interval))
+    lagging = speed(delayed, 2.0 * SERVO.interval, values[-1])
+    np.testing.assert_allclose(lagging[12:], found[10:-2], atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("share", [0.5, 3.0])
+def test_a_recursive_filter_is_that_of_the_samples(share: float) -> None:
+    """y_k = a y_(k-1) + (1 - a) x_k from the first sample on, also of a delayed channel."""
+    delay = ChannelDelay("speed", 4, SERVO.interval)
+    kept = np.exp(-1.0 / share)
+    for terms, own in (((), ()), ((delay,), (1.3 * SERVO.interval,))):
+        plain = DECLARED.adding(*terms)
+        values = np.append(SERVO.vector, own)
+        samples = speed(Simulator.fitting(plain, RECORDS, values), *own)
+        expected = [RECORDS[0].measured[0, 1]]
+        for sample in samples:
+            expected.append(kept * expected[-1] + (1.0 - kept) * sample)
+
+        model = plain.adding(SpeedRecursion(SERVO.interval))
+        values = np.append(values, share * SERVO.interval)
+        found = speed(Simulator.fitting(model, RECORDS, values), *own, values[-1])
+
+        np.testing.assert_allclose(found, expected[1:], atol=1e-9 * np.abs(found).max())

@@ -1,0 +1,148 @@
+"""Moving averages and recursive filters of samples, as loggers, drives and firmware form them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import casadi as ca
+
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate
+from identification.effects.parameters import columns, shape
+from identification.model.parameter import Parameter
+from identification.model.term import AbstractMean, AbstractRecursion, Expression, Values
+
+__all__ = [
+    "CurrentAverage",
+    "CurrentRecursion",
+    "DigitalFilter",
+    "SpeedAverage",
+    "SpeedMean",
+    "SpeedRecursion",
+]
+
+_MOST: Final = 32
+"""Sample intervals of the longest window."""
+_SHORTEST: Final = 1.2
+"""Sample intervals of the shortest window; one interval is the law of `SpeedMean`."""
+
+
+@dataclass(frozen=True)
+class SpeedMean(AbstractEffect, AbstractMean):
+    """Mean of the speed over the sample interval, as from differenced encoder counts."""
+
+    law: str = "mean over the sample interval"
+    """Name of the law in a result."""
+
+    name = "speed_filter"
+    equation = "sensor"
+    drivers = ("speed",)
+    channel = "speed"
+    source = (
+        "Petrella, Tursini, Peretti and Zigliotto, Proc. ACEMP (2007), 780-787 (speed from counts)"
+    )
+    parameters = ()
+
+    @property
+    def variant(self) -> str:
+        return self.law
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        return [Candidate(cls(), columns(()))]
+
+
+@dataclass(frozen=True)
+class DigitalFilter(AbstractEffect):
+    """Filter of the samples of a channel."""
+
+    interval: float
+    """Sample interval [s]."""
+
+    equation = "sensor"
+    source = "Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd edition, section 2.2"
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:  # noqa: ARG003
+        """None: the laws rival an analog filter that has been accepted."""
+        return []
+
+
+@dataclass(frozen=True)
+class _Average(DigitalFilter, AbstractMean):
+    """Average of a channel over the last W seconds."""
+
+    intervals: int = _MOST
+    """Sample intervals of the longest window."""
+
+    variant = "moving average"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        shortest, longest = _SHORTEST * self.interval, self.intervals * self.interval
+        meaning = "half of the window, the time by which the average lags"
+        return (shape("time_constant", "s", meaning, shortest / 2, longest / 2),)
+
+    def window(self, values: Values) -> Expression:
+        return 2 * values.time_constant / self.interval
+
+
+@dataclass(frozen=True)
+class SpeedAverage(_Average):
+    """Moving average of the logged speed."""
+
+    name = "speed_filter"
+    drivers = ("speed",)
+    channel = "speed"
+
+    @property
+    def rival_laws(self) -> tuple[SpeedRecursion]:
+        """The recursive filter."""
+        return (SpeedRecursion(self.interval),)
+
+
+@dataclass(frozen=True)
+class CurrentAverage(_Average):
+    """Moving average of the logged current."""
+
+    name = "current_filter"
+    drivers = ("current",)
+    channel = "current"
+
+    @property
+    def rival_laws(self) -> tuple[CurrentRecursion]:
+        """The recursive filter."""
+        return (CurrentRecursion(self.interval),)
+
+
+@dataclass(frozen=True)
+class _Recursion(DigitalFilter, AbstractRecursion):
+    """Recursive filter of the samples: y_k = a y_(k-1) + (1 - a) x_k, a = exp(-h / tau)."""
+
+    variant = "recursive filter of the samples"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        fastest, slowest = 0.3 * self.interval, 300 * self.interval
+        return (shape("time_constant", "s", "time constant of the filter", fastest, slowest),)
+
+    def gain(self, values: Values) -> Expression:
+        return 1 - ca.exp(-self.interval / values.time_constant)
+
+
+@dataclass(frozen=True)
+class SpeedRecursion(_Recursion):
+    """Recursive filter of the samples of the speed."""
+
+    name = "speed_filter"
+    drivers = ("speed",)
+    channel = "speed"
+
+
+@dataclass(frozen=True)
+class CurrentRecursion(_Recursion):
+    """Recursive filter of the samples of the current."""
+
+    name = "current_filter"
+    drivers = ("current",)
+    channel = "current"
