@@ -1,8 +1,10 @@
-"""Start of the selection with filters of both sensors, if no motor has the nominal inductance.
+"""Filters of both sensors at once, if no motor has the inductance of the fit.
 
 The nominal fit attributes the lag of a current filter to L.  A large L lags the speed as well, so
 that a filter of the speed hides in it too, and J, b and the friction are biased until both filters
-are in the model.  Each filter alone gains little or nothing, and an elastic shaft gains more.
+are in the model.  Each filter alone gains little or nothing, and an elastic shaft gains more.  A
+brush drop or friction that is not yet in the model can hide the filters, so that they are tried
+again after each effect.
 """
 
 from __future__ import annotations
@@ -19,18 +21,18 @@ from identification.selection.refit import refitted_with
 from identification.selection.start import Start, traded
 from identification.selection.trials import Trials
 
-__all__ = ["started"]
+__all__ = ["with_filters"]
 
 
-def started(trials: Trials, nominal: EvaluatedModel) -> EvaluatedModel:
-    """The nominal model with filters of both sensors, if it is accepted and L is that of a motor.
+def with_filters(trials: Trials, before: EvaluatedModel) -> EvaluatedModel:
+    """The model with filters of both sensors, if it is accepted and L is then that of a motor.
 
-    The nominal model itself if not, if its inductance is plausible, or if a filter is withheld.
+    The model itself if not, if its inductance is plausible, or if it has or may have no filter.
     """
-    fit, policy = nominal.fit, trials.policy
-    is_withheld = {CurrentFilter.name, SpeedFilter.name} & set(trials.withheld)
-    if is_withheld or not _is_slow(fit, policy):
-        return nominal
+    fit, policy = before.fit, trials.policy
+    left_out = {*trials.withheld, *(term.name for term in fit.simulator.model.terms)}
+    if {CurrentFilter.name, SpeedFilter.name} & left_out or not _is_slow(fit, policy):
+        return before
     scales = scales_of(fit)
     of_current, of_speed = (law.candidates(scales)[0] for law in (CurrentFilter, SpeedFilter))
     fits = []
@@ -40,10 +42,10 @@ def started(trials: Trials, nominal: EvaluatedModel) -> EvaluatedModel:
         fits.append(refitted_with(slow, of_speed.final, [Start(start.values)], trials.limits()))
     best = min(fits, key=lambda one: one.cost)
     if not np.isfinite(best.cost):
-        return nominal
+        return before
     model = trials.evaluate(trials.finished(best))
-    is_accepted = trials.criteria(model, nominal).passed and not _is_slow(model.fit, policy)
-    return model if is_accepted else nominal
+    is_accepted = trials.criteria(model, before).passed and not _is_slow(model.fit, policy)
+    return model if is_accepted else before
 
 
 def _is_slow(fit: Fit, policy: SelectionPolicy) -> bool:

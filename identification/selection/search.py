@@ -1,14 +1,15 @@
 """Forward selection of effects with backward elimination and exchange.
 
-     1  M <- nominal model (with filters of both sensors if no motor has its
-            L), or a given model with extended variants as in 7       lagged.started
+     1  M <- nominal model, or a given model with extended variants;
+            filters of both sensors join if no motor has its L        lagged.with_filters
      2  repeat while the budget of the catalogue lasts, at most `rounds` times;
             a round that accepts an effect is not charged to the budget
      3      predict the gain of every candidate given M (Rao score)       Trials.scores
      4      refit the candidates with the largest predicted gain          Trials.refits
      5      M <- the best that meets the acceptance criteria              steps.accept
      6          none: the catalogue is exhausted, leave the loop
-     7      M <- extended variants and rival laws that are accepted       steps.enrich
+     7      M <- filters as in 1, then extended variants and rival laws
+            that are accepted                                         steps.enrich
      8      C <- nominal model with the best curve, if curves predict
                 more than the effects do and the residual has structure   _fit_curve
      9          C fits far better than M: leave the loop
@@ -42,7 +43,7 @@ from identification.selection.evidence import (
     replaces,
     scores_of,
 )
-from identification.selection.lagged import started
+from identification.selection.lagged import with_filters
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import with_known_amplitudes
@@ -91,7 +92,7 @@ def search(
         campaign, budget, policy.refit_budget * budget.left, withheld=withheld, policy=policy
     )
     nominal = trials.evaluate(declared)
-    first = started(trials, nominal) if begin is None else trials.evaluate(begin)
+    first = with_filters(trials, nominal) if begin is None else trials.evaluate(begin)
     state = State(trials, nominal, first)
     is_exhausted = is_cut_short = is_postponed = False
     if begin is not None:
@@ -137,6 +138,7 @@ def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool,
     """
     budget = state.trials.budget
     began = operations()
+    state.current = with_filters(state.trials, state.current)
     enrich(state)
     began = _refunded(began, listed, budget)
     if state.curve is None and _is_curve_due(state):

@@ -17,7 +17,7 @@ from identification.model.excitation import records_of
 from identification.model.term import AbstractTerm
 from identification.selection import refit
 from identification.selection.candidates import scales_of
-from identification.selection.lagged import started
+from identification.selection.lagged import with_filters
 from identification.selection.start import Start
 from identification.selection.trials import Trials
 from tests.effects.hidden import records_of_bench
@@ -117,7 +117,7 @@ def test_the_selection_starts_with_both_filters_if_no_motor_has_the_inductance(
     trials = Trials(campaign)
     nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
 
-    found = started(trials, nominal).fit
+    found = with_filters(trials, nominal).fit
 
     assert nominal.fit.by_name["L"] > 5.0 * L
     assert {term.name for term in found.simulator.model.terms} == {"current_filter", "speed_filter"}
@@ -131,4 +131,4 @@ def test_the_selection_starts_at_the_nominal_model_if_a_filter_is_withheld(
     trials = Trials(campaign, withheld=["speed_filter"])
     nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
 
-    assert started(trials, nominal) is nominal
+    assert with_filters(trials, nominal) is nominal
