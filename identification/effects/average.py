@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,16 +10,19 @@ import casadi as ca
 
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate
 from identification.effects.parameters import columns, shape
+from identification.model.history import windowed
 from identification.model.parameter import Parameter
-from identification.model.term import AbstractMean, AbstractRecursion, Expression, Values
+from identification.model.term import AbstractMean, AbstractSampleFilter, Expression, Values
 
 __all__ = [
     "CurrentAverage",
     "CurrentRecursion",
+    "CurrentSampleAverage",
     "DigitalFilter",
     "SpeedAverage",
     "SpeedMean",
     "SpeedRecursion",
+    "SpeedSampleAverage",
 ]
 
 _MOST: Final = 32
@@ -54,7 +58,7 @@ class SpeedMean(AbstractEffect, AbstractMean):
 
 @dataclass(frozen=True)
 class DigitalFilter(AbstractEffect):
-    """Filter of the samples of a channel."""
+    """Filter of the samples of a channel, with the lag `time_constant`."""
 
     interval: float
     """Sample interval [s]."""
@@ -70,7 +74,7 @@ class DigitalFilter(AbstractEffect):
 
 @dataclass(frozen=True)
 class _Average(DigitalFilter, AbstractMean):
-    """Average of a channel over the last W seconds."""
+    """Mean over the last 2 tau seconds, as of an integrating converter or of encoder counts."""
 
     intervals: int = _MOST
     """Sample intervals of the longest window."""
@@ -88,6 +92,47 @@ class _Average(DigitalFilter, AbstractMean):
 
 
 @dataclass(frozen=True)
+class _SampleAverage(DigitalFilter, AbstractSampleFilter):
+    """Mean of the last n samples, n = 1 + 2 tau / h."""
+
+    memory: int = _MOST - 1
+    """Samples of the longest average but the latest."""
+
+    variant = "moving average of samples"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        shortest, longest = (_SHORTEST - 1) * self.interval, self.memory * self.interval
+        meaning = "time by which the average lags, (n - 1) h / 2 for n samples at intervals h"
+        return (shape("time_constant", "s", meaning, shortest / 2, longest / 2),)
+
+    def filtered(
+        self, sample: Expression, past: Sequence[Expression], values: Values
+    ) -> tuple[Expression, Sequence[Expression]]:
+        kept = (sample, *past)
+        return windowed(kept, 1 + 2 * values.time_constant / self.interval), kept[:-1]
+
+
+@dataclass(frozen=True)
+class _Recursion(DigitalFilter, AbstractSampleFilter):
+    """Recursive filter of the samples: y_k = a y_(k-1) + (1 - a) x_k, a = exp(-h / tau)."""
+
+    variant = "recursive filter of samples"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        fastest, slowest = 0.3 * self.interval, 300 * self.interval
+        return (shape("time_constant", "s", "time constant of the filter", fastest, slowest),)
+
+    def filtered(
+        self, sample: Expression, past: Sequence[Expression], values: Values
+    ) -> tuple[Expression, Sequence[Expression]]:
+        share = 1 - ca.exp(-self.interval / values.time_constant)
+        reading = past[0] + share * (sample - past[0])
+        return reading, (reading,)
+
+
+@dataclass(frozen=True)
 class SpeedAverage(_Average):
     """Moving average of the logged speed."""
 
@@ -95,10 +140,23 @@ class SpeedAverage(_Average):
     drivers = ("speed",)
     channel = "speed"
 
-    @property
-    def rival_laws(self) -> tuple[SpeedRecursion]:
-        """The recursive filter."""
-        return (SpeedRecursion(self.interval),)
+
+@dataclass(frozen=True)
+class SpeedSampleAverage(_SampleAverage):
+    """Moving average of the samples of the speed."""
+
+    name = "speed_filter"
+    drivers = ("speed",)
+    channel = "speed"
+
+
+@dataclass(frozen=True)
+class SpeedRecursion(_Recursion):
+    """Recursive filter of the samples of the speed."""
+
+    name = "speed_filter"
+    drivers = ("speed",)
+    channel = "speed"
 
 
 @dataclass(frozen=True)
@@ -109,34 +167,14 @@ class CurrentAverage(_Average):
     drivers = ("current",)
     channel = "current"
 
-    @property
-    def rival_laws(self) -> tuple[CurrentRecursion]:
-        """The recursive filter."""
-        return (CurrentRecursion(self.interval),)
-
 
 @dataclass(frozen=True)
-class _Recursion(DigitalFilter, AbstractRecursion):
-    """Recursive filter of the samples: y_k = a y_(k-1) + (1 - a) x_k, a = exp(-h / tau)."""
+class CurrentSampleAverage(_SampleAverage):
+    """Moving average of the samples of the current."""
 
-    variant = "recursive filter of the samples"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        fastest, slowest = 0.3 * self.interval, 300 * self.interval
-        return (shape("time_constant", "s", "time constant of the filter", fastest, slowest),)
-
-    def gain(self, values: Values) -> Expression:
-        return 1 - ca.exp(-self.interval / values.time_constant)
-
-
-@dataclass(frozen=True)
-class SpeedRecursion(_Recursion):
-    """Recursive filter of the samples of the speed."""
-
-    name = "speed_filter"
-    drivers = ("speed",)
-    channel = "speed"
+    name = "current_filter"
+    drivers = ("current",)
+    channel = "current"
 
 
 @dataclass(frozen=True)

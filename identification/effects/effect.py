@@ -23,7 +23,7 @@ from identification.model.term import (
     AbstractDelay,
     AbstractHold,
     AbstractMean,
-    AbstractRecursion,
+    AbstractSampleFilter,
     AbstractTerm,
 )
 
@@ -271,7 +271,7 @@ class Candidate:
     @property
     def can_rest(self) -> bool:
         """Whether the term has neutral values, at which it leaves the model unchanged."""
-        sampled = AbstractDelay | AbstractHold | AbstractMean | AbstractRecursion
+        sampled = AbstractDelay | AbstractHold | AbstractMean | AbstractSampleFilter
         if self.term.states or isinstance(self.term, sampled):
             return False
         return any(parameter.vanishes for parameter in self.term.parameters)

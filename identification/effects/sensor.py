@@ -11,10 +11,12 @@ from identification.arrays import Array
 from identification.effects.average import (
     CurrentAverage,
     CurrentRecursion,
+    CurrentSampleAverage,
     DigitalFilter,
     SpeedAverage,
     SpeedMean,
     SpeedRecursion,
+    SpeedSampleAverage,
 )
 from identification.effects.confusion import INDUCTANCE
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
@@ -143,11 +145,12 @@ class SpeedFilter(_Filter):
 
         tau dy/dt + q tau^2 d2y/dt2 = w - y,   logged speed = y             [rad/s]
         logged speed = (phi(t) - phi(t - 2 tau)) / (2 tau)                  [rad/s]
+        y_k = (w_k + ... + w_(k-n+1)) / n,   n = 1 + 2 tau / h              [rad/s]
         y_k = a y_(k-1) + (1 - a) w_k,   a = exp(-h / tau)                  [rad/s]
 
     The first law is a filter, of first order if q is absent.  The second law is the mean over a
     window that ends at the sample, as from differenced counts of an encoder with angle phi; it has
-    no parameter if the window is the sample interval h.  The third law is a recursive filter.
+    no parameter if the window is the sample interval h.  The others are filters of the samples.
     """
 
     name = "speed_filter"
@@ -155,7 +158,7 @@ class SpeedFilter(_Filter):
     drivers = ("speed",)
     channel = "speed"
     unit = "rad/s"
-    laws = (SpeedMean, SpeedAverage, SpeedRecursion)
+    laws = (SpeedMean, SpeedAverage, SpeedSampleAverage, SpeedRecursion)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
@@ -169,10 +172,11 @@ class CurrentFilter(_Filter):
 
         tau dy/dt + q tau^2 d2y/dt2 = i - y,   logged current = y           [A]
         logged current = mean of i over a window 2 tau that ends at the sample      [A]
+        y_k = (i_k + ... + i_(k-n+1)) / n,   n = 1 + 2 tau / h              [A]
         y_k = a y_(k-1) + (1 - a) i_k,   a = exp(-h / tau)                  [A]
 
     The first law is a filter, of first order if q is absent.  The second law is that of integrating
-    converters and moving averages, the third that of a recursive filter with sample interval h.
+    converters, the others are filters of the samples at intervals h.
     """
 
     name = "current_filter"
@@ -180,7 +184,7 @@ class CurrentFilter(_Filter):
     drivers = ("current",)
     channel = "current"
     unit = "A"
-    laws = (CurrentAverage, CurrentRecursion)
+    laws = (CurrentAverage, CurrentSampleAverage, CurrentRecursion)
 
 
 @register

@@ -26,7 +26,7 @@ from identification.model.term import (
     AbstractDelay,
     AbstractHold,
     AbstractMean,
-    AbstractRecursion,
+    AbstractSampleFilter,
     AbstractTerm,
     AbstractTorque,
     AbstractVoltageFilter,
@@ -215,7 +215,7 @@ def _note(term: AbstractTerm, run: int) -> tuple[str, bool]:
             ": the logged voltage lagged the terminals; the input of the export is the voltage at "
             "the terminals"
         ), False
-    if isinstance(term, AbstractDelay | AbstractHold | AbstractMean | AbstractRecursion):
+    if isinstance(term, AbstractDelay | AbstractHold | AbstractMean | AbstractSampleFilter):
         return "", True
     if not _acts(term, run):
         variant = getattr(term, "variant", "") or "of the campaign"

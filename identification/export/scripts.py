@@ -55,7 +55,7 @@ def continuous_notes(motor: Exported, *, delays: bool) -> Iterator[str]:
     """Sentences on what continuous equations, with delays of channels or not, omit of a model."""
     if motor.model.delays and not delays:
         yield "channel_delay is left out, because the equations are continuous"
-    terms = (*motor.model.averaged.values(), *motor.model.recursions)
+    terms = (*motor.model.averaged.values(), *motor.model.sample_filters)
     for name in dict.fromkeys(term.name for term in terms):
         yield (f"the filter of samples ({name}) is left out, because the equations are continuous")
 

@@ -21,7 +21,7 @@ from identification.model.term import (
     AbstractDelay,
     AbstractHold,
     AbstractMean,
-    AbstractRecursion,
+    AbstractSampleFilter,
     AbstractSensor,
     AbstractSupply,
     AbstractTemperature,
@@ -116,14 +116,14 @@ class MotorModel:
         return {k: means[channel] for k, channel in enumerate(CHANNELS) if channel in means}
 
     @property
-    def recursions(self) -> tuple[AbstractRecursion, ...]:
-        """Recursive filters of the samples of a channel."""
-        return tuple(term for term in self.terms if isinstance(term, AbstractRecursion))
+    def sample_filters(self) -> tuple[AbstractSampleFilter, ...]:
+        """Digital filters of the samples of a channel."""
+        return tuple(term for term in self.terms if isinstance(term, AbstractSampleFilter))
 
     @property
     def has_history(self) -> bool:
         """True if a reading depends on the states at earlier samples."""
-        return bool(self.delays or self.averaged or self.recursions)
+        return bool(self.delays or self.averaged or self.sample_filters)
 
     @property
     def advance(self) -> int:
@@ -153,18 +153,15 @@ class MotorModel:
 
     def lag(self, term: AbstractDelay, parameter: Expression) -> Expression:
         """Delay of the simulated channels of `term` in sample intervals [-]."""
-        own = self._values(parameter)[1]
-        return term.lag(own[self.terms.index(term)])
+        return term.lag(self.own_values(term, parameter))
 
     def window(self, term: AbstractMean, parameter: Expression) -> Expression:
         """Length of the average of `term` in sample intervals [-]."""
-        own = self._values(parameter)[1]
-        return term.window(own[self.terms.index(term)])
+        return term.window(self.own_values(term, parameter))
 
-    def gain(self, term: AbstractRecursion, parameter: Expression) -> Expression:
-        """Weight of the latest sample in the filter of `term` [-]."""
-        own = self._values(parameter)[1]
-        return term.gain(own[self.terms.index(term)])
+    def own_values(self, term: AbstractTerm, parameter: Expression) -> Values:
+        """Parameters of a term, and the nominal ones, by name."""
+        return self._values(parameter)[1][self.terms.index(term)]
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

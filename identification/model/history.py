@@ -14,8 +14,8 @@ A channel with both keeps its means between the instants instead: the integral u
 over the interval h, plus (1 - f) a, with the share f of the interval before the instant and the
 mean a from the instant to the end of the interval before.
 
-A recursive filter keeps its last value.  It filters what is left of the samples: a filter of their
-sequence commutes with delays and averages.
+A digital filter keeps past samples or readings.  It is applied last: a filter of the samples
+commutes with delays and averages.
 """
 
 from __future__ import annotations
@@ -31,7 +31,14 @@ from identification.arrays import Array
 from identification.model.composite import CHANNELS, INPUTS, MotorModel
 from identification.model.term import AbstractDelay, AbstractMean, Expression
 
-__all__ = ["Moment", "history_size", "initial_history", "shares_before", "updated_history"]
+__all__ = [
+    "Moment",
+    "history_size",
+    "initial_history",
+    "shares_before",
+    "updated_history",
+    "windowed",
+]
 
 _LEAST: Final = 1e-9
 """Share of a substep before an instant at its start: above zero, since inputs are divided by it."""
@@ -65,7 +72,8 @@ def initial_history(model: MotorModel, logged: Array) -> Array:
             mean = model.averaged.get(channel)
             size = 1 + _depth(delay.depth, mean) + bool(mean)
             parts.append(np.full(size, logged[channel]))
-    parts += [np.array([logged[CHANNELS.index(term.channel)]]) for term in model.recursions]
+    for digital in model.sample_filters:
+        parts.append(np.full(digital.memory, logged[CHANNELS.index(digital.channel)]))
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
@@ -111,12 +119,12 @@ def updated_history(
             own = means.get(channel)
             late = lag.updated(buffer, substep, read[channel], instant.states, own)
             readings[channel] = ca.if_else(lag.value > 0, late, readings[channel])
-    for recursion in model.recursions:
-        channel = CHANNELS.index(recursion.channel)
-        (last,) = buffer.take(1)
-        gain = model.gain(recursion, parameter)
-        readings[channel] = last + gain * (readings[channel] - last)
-        buffer.keep(ca.if_else(substep.begins, readings[channel], last))
+    for digital in model.sample_filters:
+        channel, past = CHANNELS.index(digital.channel), buffer.take(digital.memory)
+        values = model.own_values(digital, parameter)
+        readings[channel], following = digital.filtered(readings[channel], past, values)
+        pairs = zip(following, past, strict=True)
+        buffer.keep(*(ca.if_else(substep.begins, new, old) for new, old in pairs))
     return ca.vertcat(*buffer.kept), ca.vertcat(*readings)
 
 
@@ -189,14 +197,7 @@ class _Mean:
 
     def over_window(self, means: Sequence[Expression]) -> Expression:
         """Average over the window, from the means over each interval, the latest first."""
-        count = len(means)
-        if count == 1:
-            return means[0]
-        shares = [ca.fmin(ca.fmax(self._window - k, 0), 1) for k in range(count)]
-        # Part of the oldest interval: its end has more of the mean after it than of its own.
-        nearer = [*(share * (1 - share) / 2 for share in shares), 0]
-        weights = [shares[k] - nearer[k] + nearer[k + 1] for k in range(count)]
-        return sum(w * mean for w, mean in zip(weights, means, strict=True)) / self._window
+        return windowed(means, self._window)
 
 
 @dataclass(frozen=True)
@@ -237,6 +238,21 @@ class _Lag:
         """Value of a buffer that far back in time, if the delay is positive."""
         at = [(self.value > k) * (self.value <= k + 1) for k in range(self.depth)]
         return sum(ca.if_else(here, past[k], 0) for k, here in enumerate(at))
+
+
+def windowed(values: Sequence[Expression], window: Expression) -> Expression:
+    """Average of the latest values, the first ones, over a window of 1 to all of them.
+
+    If the window ends within a value, the signal is a line through it and the one after.
+    """
+    count = len(values)
+    if count == 1:
+        return values[0]
+    shares = [ca.fmin(ca.fmax(window - k, 0), 1) for k in range(count)]
+    # Part of the oldest value: its end is nearer to the one after.
+    nearer = [*(share * (1 - share) / 2 for share in shares), 0]
+    weights = [shares[k] - nearer[k] + nearer[k + 1] for k in range(count)]
+    return sum(w * value for w, value in zip(weights, values, strict=True)) / window
 
 
 def _delayed(term: AbstractDelay) -> tuple[int, ...]:

@@ -183,10 +183,9 @@ def _in_words(model: MotorModel) -> dict[str, str]:
         equations[f"{mean.channel} average"] = (
             f"The {mean.channel} channel is the mean over {over} before the sample."
         )
-    for filtered in model.recursions:
-        equations[f"{filtered.channel} samples"] = (
-            f"The samples of the {filtered.channel} channel pass a recursive filter, "
-            f"y_k = a y_(k-1) + (1 - a) x_k with a = exp(-h / {filtered.name}.time_constant)."
+    for digital in model.sample_filters:
+        equations[f"{digital.channel} samples"] = (
+            f"The samples of the {digital.channel} channel pass a digital filter ({digital.name})."
         )
     if any(term.behind for term in model.voltage_filters):
         equations["voltage samples"] = "v is the voltage of the sample before, v_next the sample's."

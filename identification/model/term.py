@@ -12,7 +12,7 @@ A term is a frozen class with parameters and a formula:
     AbstractSensor        sensor reading that differs from the state     [A] or [rad/s]
     AbstractDelay         delay of a channel relative to the others      [s]
     AbstractMean          average over sample intervals as the reading of a channel
-    AbstractRecursion     recursive filter of the samples of a channel
+    AbstractSampleFilter  digital filter of the samples of a channel
     AbstractHold          other inter-sample behaviour of the voltage
 
 The first eight have one abstract method each, the formula.  Any term may add states of its own
@@ -26,6 +26,7 @@ functions and no Python `if` on a signal.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
@@ -40,7 +41,7 @@ __all__ = [
     "AbstractDelay",
     "AbstractHold",
     "AbstractMean",
-    "AbstractRecursion",
+    "AbstractSampleFilter",
     "AbstractSensor",
     "AbstractSupply",
     "AbstractTemperature",
@@ -306,14 +307,18 @@ class AbstractMean(AbstractTerm):
         return 1.0
 
 
-class AbstractRecursion(AbstractTerm):
-    """Channel whose samples x_k pass a recursive filter, y_k = y_(k-1) + g (x_k - y_(k-1))."""
+class AbstractSampleFilter(AbstractTerm):
+    """Channel whose samples pass a digital filter."""
 
     channel: ClassVar[Channel]
+    memory: int = 1
+    """Number of past values that the filter keeps; they equal the logged value at first."""
 
     @abstractmethod
-    def gain(self, values: Values) -> Expression:
-        """Weight g of the latest sample [-]."""
+    def filtered(
+        self, sample: Expression, past: Sequence[Expression], values: Values
+    ) -> tuple[Expression, Sequence[Expression]]:
+        """Reading at a sample, given the past values, and those for the next sample."""
 
 
 class AbstractHold(AbstractTerm):

@@ -181,7 +181,8 @@ def enrich(state: State) -> None:
                 Searched(term.name, round_, criteria.gain, criteria, is_accepted, term.variant)
             )
             if is_accepted:
-                state.current, left = richer, [*term.richer, *term.rival_laws]
+                rivals = (law for law in left if law in found.rival_laws)
+                state.current, left = richer, [*term.richer, *rivals]
 
 
 def backward(state: State) -> None:
