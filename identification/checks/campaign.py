@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.balance import Signals, has_signal, signals_of
-from identification.checks.coasting import coasting_finding, coasting_of
+from identification.checks.coasting import coasting_of
 from identification.checks.consistency import consistency_findings, estimate_of
 from identification.checks.dead import (
     copied_findings,
@@ -21,19 +21,14 @@ from identification.checks.dead import (
     stuck_findings,
     unlogged_voltage_findings,
 )
-from identification.checks.finding import Finding
+from identification.checks.finding import Finding, Omission
 from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
-from identification.checks.limited import (
-    CurrentLimit,
-    current_limit_of,
-    limited_finding,
-    without,
-)
+from identification.checks.limited import current_limit_of, without
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
-from identification.checks.stalled import stalled_finding, stalled_of
+from identification.checks.stalled import stalled_of
 from identification.checks.supply import supply_current_findings
 from identification.errors import ContradictoryRuns, InputError
 from identification.ingest.run import Run
@@ -78,12 +73,11 @@ class Verdict:
 def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
-    limits = [(run, _limit_of(run)) for run in runs]
-    runs = tuple(without(run, limit.limited if limit else None) for run, limit in limits)
-    coasts = [(run, coasting_of(run)) for run in runs]
-    runs = tuple(without(run, coasting.off if coasting else None) for run, coasting in coasts)
-    stalls = [(run, stalled_of(run)) for run in runs]
-    runs = tuple(without(run, stall.held if stall else None) for run, stall in stalls)
+    omissions: list[Omission] = []
+    for omission_of in (_limit_of, coasting_of, stalled_of):
+        pairs = [(run, omission_of(run)) for run in runs]
+        runs = tuple(without(run, one.samples) if one else run for run, one in pairs)
+        omissions += [one for _, one in pairs if one]
     joints = [(run, joints_of(run)) for run in runs]
     runs = tuple(divided(run, places) for run, places in joints)
     held = _currents_at_standstill(runs)
@@ -113,14 +107,12 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
         found += heat_findings(agreeing)
     found += plausibility_findings(runs, agreeing)
     found += [joined_finding(run, places) for run, places in joints if places]
-    found += [limited_finding(run, limit) for run, limit in limits if limit]
-    found += [coasting_finding(run, coasting) for run, coasting in coasts if coasting]
-    found += [stalled_finding(run, stall) for run, stall in stalls if stall]
+    found += [one.finding for one in omissions]
     order = {"refuse": 0, "suspect": 1}
     return Verdict(tuple(sorted(found, key=lambda f: order[f.severity])), runs)
 
 
-def _limit_of(run: Run) -> CurrentLimit | None:
+def _limit_of(run: Run) -> Omission | None:
     """Limit of the current, unless a held voltage in its place looks like one."""
     limit = current_limit_of(run)
     return None if limit and any(identity_findings(run, signals_of(run))) else limit

@@ -12,18 +12,18 @@ filter of the current sensor, through which the current ends slowly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array, Bool, Index
 from identification.checks.balance import NO_VOLTAGE, Signals, predicted, signals_of
-from identification.checks.finding import Finding
+from identification.checks.finding import Omission, omission
 from identification.checks.limited import noise_of
 from identification.ingest.run import Run
 
-__all__ = ["Coasting", "all_marked", "coasting_finding", "coasting_of", "without_pauses"]
+__all__ = ["all_marked", "coasting_of", "without_pauses"]
 
 _NEAR: Final = 4.0
 """Noise deviations within which a signal is zero."""
@@ -44,17 +44,7 @@ _ZERO: Final = 0.1
 """Largest zero error of the current sensor, over the largest current."""
 
 
-@dataclass(frozen=True)
-class Coasting:
-    """Samples at which the bridge is off."""
-
-    braking: float
-    """Lower quartile of the predicted braking current, in deviations of the regression."""
-    off: Bool
-    """(n_sample,) True at these samples."""
-
-
-def coasting_of(run: Run) -> Coasting | None:
+def coasting_of(run: Run) -> Omission | None:
     """Samples of a run at which the bridge is off; None if there are none."""
     signals = signals_of(run, samples=run.rows)
     idle, undriven = _idle(signals)
@@ -64,23 +54,14 @@ def coasting_of(run: Run) -> Coasting | None:
     braking = max(_braking(signals, turning, length) for length in _LENGTHS)
     if braking < _BRAKING:
         return None
-    return Coasting(braking, _turning_stretches(signals, idle, undriven))
-
-
-def coasting_finding(run: Run, coasting: Coasting) -> Finding:
-    """Suspicion that the bridge is off at some samples, so that the motor coasts."""
-    share = 100.0 * float(coasting.off.mean())
-    return Finding(
+    return omission(
+        run,
+        _turning_stretches(signals, idle, undriven),
         "coasting",
-        "suspect",
-        run.name,
         "voltage_V",
         "is logged as zero while the motor turns without current: the bridge is off and the motor "
-        "coasts at its induced voltage, or the current sensor does not measure a braking current; "
-        f"the fit omits these samples ({share:.2g} %)",
-        "predicted braking current in standard deviations, lower quartile",
-        coasting.braking,
-        _BRAKING,
+        "coasts at its induced voltage, or the current sensor does not measure a braking current",
+        ("predicted braking current in standard deviations, lower quartile", braking, _BRAKING),
         remedy="log the voltage at the motor terminals, or let the bridge short the motor",
     )
 

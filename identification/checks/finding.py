@@ -13,6 +13,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
+from identification.arrays import Bool
 from identification.ingest.mapping import SIGNED
 from identification.ingest.run import Run, Source
 from identification.ingest.units import canonical_unit, find_unit
@@ -20,10 +21,12 @@ from identification.warning import Option, ResultWarning, WarningSeverity
 
 __all__ = [
     "Finding",
+    "Omission",
     "Severity",
     "exchange",
     "factor",
     "left_out",
+    "omission",
     "other_unit",
     "signed",
     "suspicious_unit",
@@ -146,6 +149,32 @@ def suspicious_unit(
     corrections = (word.removeprefix(f"{run.name}:"),)
     return Finding(
         "suspicious_unit", "suspect", "", column, message, statistic, value, limit, corrections
+    )
+
+
+@dataclass(frozen=True)
+class Omission:
+    """Samples that a fit omits, and the suspicion that says why."""
+
+    samples: Bool
+    """(n_sample,) True at these samples."""
+    finding: Finding
+
+
+def omission(
+    run: Run,
+    samples: Bool,
+    code: str,
+    column: str,
+    message: str,
+    measured: tuple[str, float, float],
+    *,
+    remedy: str,
+) -> Omission:
+    """Omission of samples (n_sample,); `measured` is the statistic, its value and its limit."""
+    message += f"; the fit omits these samples ({100.0 * float(samples.mean()):.2g} %)"
+    return Omission(
+        samples, Finding(code, "suspect", run.name, column, message, *measured, remedy=remedy)
     )
 
 

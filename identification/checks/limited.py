@@ -16,24 +16,17 @@ the regression, and an effect at high currents gives all samples of the level on
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array, Bool, stretches
 from identification.checks.balance import Signals, predicted, signals_of
-from identification.checks.finding import Finding
+from identification.checks.finding import Omission, omission
 from identification.differences import difference_noise
 from identification.ingest.run import Run
 
-__all__ = [
-    "CurrentLimit",
-    "current_limit_of",
-    "limited_finding",
-    "noise_of",
-    "without",
-]
+__all__ = ["current_limit_of", "noise_of", "without"]
 
 _STAY: Final = 5
 """Fewest samples at one level: noise alone keeps a current that changes there for two or three."""
@@ -52,20 +45,8 @@ _REGRESSED: Final = 100
 """Fewest samples of the regression."""
 
 
-@dataclass(frozen=True)
-class CurrentLimit:
-    """Samples at which a drive limits the current."""
-
-    level: float
-    """Largest level of the two directions [A]."""
-    excess: float
-    """Median predicted excess over the level, in deviations of the regression."""
-    limited: Bool
-    """(n_sample,) True at these samples."""
-
-
-def current_limit_of(run: Run) -> CurrentLimit | None:
-    """Limit of the current of a run; None if nothing limits it."""
+def current_limit_of(run: Run) -> Omission | None:
+    """Samples of a run at which the drive limits the current; None if there are none."""
     signals = signals_of(run, samples=run.rows)
     current = signals.current
     noise = noise_of(current)
@@ -96,36 +77,26 @@ def current_limit_of(run: Run) -> CurrentLimit | None:
         return None
     # The voltage of the interval in which the drive reaches or leaves its limit is not logged.
     limited[:-1] |= limited[1:].copy()
-    return CurrentLimit(max(level for level, _ in found), max(over for _, over in found), limited)
-
-
-def without(run: Run, limited: Bool | None) -> Run:
-    """The run with a segment for each of the stretches between the limited samples (n_sample,)."""
-    if limited is None:
-        return run
-    segments: list[tuple[int, int]] = []
-    for start, stop in run.segments:
-        pairs = (stretches(~limited[start:stop]) + start).tolist()
-        segments += [(first, last) for first, last in pairs if last - first >= _FEWEST // 2]
-    return dataclasses.replace(run, segments=tuple(segments)) if segments else run
-
-
-def limited_finding(run: Run, limit: CurrentLimit) -> Finding:
-    """Suspicion that the drive limits the current, so that the motor has another voltage."""
-    share = 100.0 * float(limit.limited.mean())
-    return Finding(
+    level, excess = (max(each) for each in zip(*found, strict=True))
+    return omission(
+        run,
+        limited,
         "current_limit",
-        "suspect",
-        run.name,
         "current_A",
-        f"stays at {limit.level:.4g} A although the logged voltage would raise it: the drive "
-        "limits the current, and the voltage is its set point, or the current sensor saturates; "
-        f"the fit omits these samples ({share:.2g} %)",
-        "predicted excess of the current in standard deviations",
-        limit.excess,
-        _DEVIATIONS,
+        f"stays at {level:.4g} A although the logged voltage would raise it: the drive "
+        "limits the current, and the voltage is its set point, or the current sensor saturates",
+        ("predicted excess of the current in standard deviations", excess, _DEVIATIONS),
         remedy="log the voltage at the motor terminals, or stay below the limit",
     )
+
+
+def without(run: Run, omitted: Bool) -> Run:
+    """The run with a segment for each of the stretches between the omitted samples (n_sample,)."""
+    segments: list[tuple[int, int]] = []
+    for start, stop in run.segments:
+        pairs = (stretches(~omitted[start:stop]) + start).tolist()
+        segments += [(first, last) for first, last in pairs if last - first >= _FEWEST // 2]
+    return dataclasses.replace(run, segments=tuple(segments)) if segments else run
 
 
 def noise_of(signal: Array) -> float:

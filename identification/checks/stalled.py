@@ -17,19 +17,18 @@ Source of the bound: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 3
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from identification.arrays import Array, Bool, stretches
+from identification.arrays import Array, stretches
 from identification.checks.balance import Signals, signals_of
 from identification.checks.coasting import all_marked
-from identification.checks.finding import Finding
+from identification.checks.finding import Omission, omission
 from identification.ingest.run import Run
 from identification.linear import solution
 
-__all__ = ["Stall", "stalled_finding", "stalled_of"]
+__all__ = ["stalled_of"]
 
 _REST: Final = 0.02
 """Largest speed at standstill, over the highest of the run."""
@@ -47,17 +46,7 @@ _CHANGED: Final = 0.5
 """Largest error of the voltage balance at a held shaft, over the voltage."""
 
 
-@dataclass(frozen=True)
-class Stall:
-    """Samples at which the shaft is held."""
-
-    reached: float
-    """Speed that a free shaft would have reached, over the highest of the run: the largest."""
-    held: Bool
-    """(n_sample,) True at these samples."""
-
-
-def stalled_of(run: Run) -> Stall | None:
+def stalled_of(run: Run) -> Omission | None:
     """Samples of a run at which the shaft is held; None if there are none."""
     signals = signals_of(run, samples=run.rows)
     top = float(np.abs(signals.speed).max())
@@ -79,22 +68,17 @@ def stalled_of(run: Run) -> Stall | None:
         if reached > _REACHED and _is_balanced(signals, start, stop):
             held[max(start - 1, 0) : stop] = True
             largest = max(largest, reached)
-    return Stall(largest, held) if largest else None
-
-
-def stalled_finding(run: Run, stall: Stall) -> Finding:
-    """Suspicion that the shaft is held at some samples."""
-    share = 100.0 * float(stall.held.mean())
-    return Finding(
+    if not largest:
+        return None
+    statistic = "speed that a free shaft would reach relative to the highest of the run"
+    return omission(
+        run,
+        held,
         "stalled_shaft",
-        "suspect",
-        run.name,
         "speed_rad_s",
         "is zero while the current would turn a free shaft: an end stop, the gear or a brake holds "
-        f"it; the fit omits these samples ({share:.2g} %)",
-        "speed that a free shaft would reach relative to the highest of the run",
-        stall.reached,
-        _REACHED,
+        "it",
+        (statistic, largest, _REACHED),
         remedy="leave stalls out of the log, or record them as a file of their own",
     )
 

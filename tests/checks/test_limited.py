@@ -99,7 +99,7 @@ def test_a_sensor_that_saturates_before_its_noise_is_found() -> None:
     found = current_limit_of(run)
 
     assert found is not None
-    assert found.level == pytest.approx(14.0, abs=0.02)
+    assert float(found.finding.message.split()[2]) == pytest.approx(14.0, abs=0.02)
 
 
 @pytest.mark.parametrize("limit", [10.0, 15.0, 25.0])
