@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from identification.arrays import Array, Bool
+from identification.arrays import Array
 from identification.ingest.run import Run
 
-__all__ = ["Excitation", "excitation_of", "joined"]
+__all__ = ["Excitation", "excitation_of"]
 
 _STANDSTILL: Final = 0.01
 """Speed below which a shaft counts as standing, over the largest speed of all runs [-]."""
@@ -50,52 +50,41 @@ class Excitation:
         return sum(fraction > _STANDSTILL for fraction in (self.forward, self.reverse))
 
 
-def excitation_of(run: Run, fastest: float) -> Excitation:
-    """Excitation of one run; `fastest` is the largest speed in all runs [rad/s]."""
-    durations = np.diff(run.time)
-    inside = np.zeros(durations.size, dtype=bool)
-    for first, last in run.segments:
-        inside[first : last - 1] = True
-    weights = np.where(inside, durations, 0.0)
-    total = float(weights.sum())
-    speed = run.speed[:-1]
-    limit = _STANDSTILL * fastest
+def excitation_of(runs: Sequence[Run], fastest: float | None = None) -> Excitation:
+    """Excitation of runs together.
 
-    def fraction(chosen: Bool) -> float:
-        return float(weights[chosen].sum()) / total if total > 0.0 else 0.0
-
+    The shaft stands below a fraction of `fastest`, by default the largest speed of the runs
+    [rad/s].
+    """
+    if fastest is None:
+        fastest = max(float(np.abs(run.speed).max()) for run in runs)
+    speed = np.concatenate([run.speed[:-1] for run in runs])
+    weights = np.concatenate([_intervals(run) for run in runs])
+    total, limit = float(weights.sum()), _STANDSTILL * fastest
+    forward, reverse, standstill = (
+        float(weights[chosen].sum()) / total if total > 0.0 else 0.0
+        for chosen in (speed > limit, speed < -limit, np.abs(speed) <= limit)
+    )
+    logged = [run.temperature for run in runs if run.temperature is not None]
     return Excitation(
-        forward=fraction(speed > limit),
-        reverse=fraction(speed < -limit),
-        standstill=fraction(np.abs(speed) <= limit),
-        voltage_V=_range(run.voltage),
-        current_A=_range(run.current),
-        speed_rad_s=_range(run.speed),
-        temperature_degC=None if run.temperature is None else _range(run.temperature),
+        forward=forward,
+        reverse=reverse,
+        standstill=standstill,
+        voltage_V=_range([run.voltage for run in runs]),
+        current_A=_range([run.current for run in runs]),
+        speed_rad_s=_range([run.speed for run in runs]),
+        temperature_degC=_range(logged) if logged else None,
         duration_s=total,
     )
 
 
-def joined(parts: Sequence[Excitation]) -> Excitation:
-    """Excitation of several runs together, from that of each."""
-    total = sum(part.duration_s for part in parts) or 1.0
-    logged = [part.temperature_degC for part in parts if part.temperature_degC is not None]
-
-    return Excitation(
-        forward=sum(part.forward * part.duration_s for part in parts) / total,
-        reverse=sum(part.reverse * part.duration_s for part in parts) / total,
-        standstill=sum(part.standstill * part.duration_s for part in parts) / total,
-        voltage_V=_covering([part.voltage_V for part in parts]),
-        current_A=_covering([part.current_A for part in parts]),
-        speed_rad_s=_covering([part.speed_rad_s for part in parts]),
-        temperature_degC=_covering(logged) if logged else None,
-        duration_s=sum(part.duration_s for part in parts),
-    )
+def _intervals(run: Run) -> Array:
+    """Sampling intervals (n_sample - 1,), zero across a gap [s]."""
+    inside = np.zeros(run.rows - 1, dtype=bool)
+    for first, last in run.segments:
+        inside[first : last - 1] = True
+    return np.where(inside, np.diff(run.time), 0.0)
 
 
-def _range(values: Array) -> tuple[float, float]:
-    return float(values.min()), float(values.max())
-
-
-def _covering(ranges: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    return min(low for low, _ in ranges), max(high for _, high in ranges)
+def _range(signals: Sequence[Array]) -> tuple[float, float]:
+    return min(float(x.min()) for x in signals), max(float(x.max()) for x in signals)

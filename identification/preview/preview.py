@@ -26,7 +26,7 @@ from identification.ingest.mapping import OPTIONAL_CHANNELS, MappingLike
 from identification.ingest.run import Run, Source
 from identification.ingest.units import CHANNEL_QUANTITIES, FACTOR_QUANTITIES, canonical_unit
 from identification.model.excitation import Record
-from identification.preview.excitation import Excitation, excitation_of, joined
+from identification.preview.excitation import Excitation, excitation_of
 from identification.preview.prospects import Prospect, prospects_of
 
 __all__ = ["Preview", "check", "examine"]
@@ -56,7 +56,7 @@ class Preview:
         if not self.records or any(f.severity == "refuse" for f in self.findings):
             return self
         try:
-            prospects, found = prospects_of(self.records, joined(self.excitation))
+            prospects, found = prospects_of(self.records, excitation_of(self.runs))
         except IdentificationError as error:
             note = f"the expected precision cannot be computed: {error}"
             return replace(self, notes=(*self.notes, note))
@@ -202,8 +202,8 @@ def examine(
         # With an unreadable file the runs are not complete.
         errors += [] if errors else [error]
     fastest = max(float(abs(run.speed).max()) for run in runs)
-    each = tuple(excitation_of(run, fastest) for run in runs)
-    notes = (*together, *_notes(runs, joined(each)))
+    each = tuple(excitation_of([run], fastest) for run in runs)
+    notes = (*together, *_notes(runs, excitation_of(runs)))
     return Preview(tuple(runs), tuple(errors), verdict.findings, each, (), notes, records)
 
 

@@ -12,7 +12,7 @@ import pytest
 from identification import FitOptions, identify
 from identification.ingest.run import Run
 from identification.model.excitation import records_of
-from identification.preview.excitation import excitation_of, joined
+from identification.preview.excitation import excitation_of
 from identification.preview.prospects import Prospect, prospects_of
 from tests.motors import NAMES, campaign, drive, motor_named, run_of
 
@@ -21,9 +21,7 @@ SERVO = motor_named("servo 100 W")
 
 def prospects(runs: Sequence[Run]) -> dict[str, Prospect]:
     """Expected precision by parameter."""
-    fastest = max(float(np.abs(run.speed).max()) for run in runs)
-    total = joined([excitation_of(run, fastest) for run in runs])
-    found, _ = prospects_of(records_of(runs), total)
+    found, _ = prospects_of(records_of(runs), excitation_of(runs))
     return {prospect.name: prospect for prospect in found}
 
 
@@ -122,8 +120,7 @@ def test_current_logged_with_another_gain_does_not_mix_two_motors() -> None:
     runs = noisy([25.0, 25.0], rows=2000, noise=1e-3, seed=4)
     half = replace(runs[1], current=0.5 * runs[1].current)
 
-    total = joined([excitation_of(run, float(np.abs(run.speed).max())) for run in runs])
-    found, [note] = prospects_of(records_of([runs[0], half]), total)
+    found, [note] = prospects_of(records_of([runs[0], half]), excitation_of(runs))
 
     inertia = next(prospect for prospect in found if prospect.name == "J")
     assert inertia.value == pytest.approx(
