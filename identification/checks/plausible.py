@@ -248,11 +248,7 @@ def _text(time: float) -> str:
 
 
 def heating_findings(rise: float) -> list[Finding]:
-    """Suspicion about a winding that heats beyond what any insulation endures.
-
-    Args:
-        rise: Largest rise of the winding by self-heating in the training runs [K].
-    """
+    """Suspicion about a winding whose largest rise by self-heating [K] no insulation endures."""
     if not rise > _MOST_RISE:
         return []
     remedy = (

@@ -28,11 +28,7 @@ def missing_columns(
 ) -> RunFileError:
     """One error for all channels without a column, each with its similar columns.
 
-    Args:
-        names: The channels.
-        free: Columns that the user's mapping does not use.
-        columns: All columns of the file.
-        found: Titles of the columns of the other channels.
+    The mapping does not use the `free` columns; `found` are titles by name of the other channels.
     """
     if not any(column.texts for column in columns):
         return _without_header(names, len(columns))

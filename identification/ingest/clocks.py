@@ -218,14 +218,9 @@ def brought_together(
     time: Channel,
     file: str,
 ) -> Samples:
-    """Channels of a table on one clock.
+    """Channels of a table other than the time on one clock.
 
-    Args:
-        samples: Cells of the table.
-        used: Its channels other than the time.
-        own: Times (n_row,) of each of them, and the rows that have a value.
-        time: Channel of the time, which gives the unit.
-        file: Name of the file in messages.
+    Each has its `own` times (n_row,) and the rows that have a value; `time` gives their unit.
     """
     signals = [
         Signal(

@@ -142,11 +142,7 @@ def refuse_not_finite(
 ) -> None:
     """Reject infinities, and blanks of channels that must not have any, all at once.
 
-    Args:
-        channels: Channels of the table.
-        cells: Channel name to (n_sample,), NaN where a cell is blank.
-        row: Function from sample index to row in the file.
-        faults: Faults that were found before, which are reported with these.
+    Arguments as in `Samples`; `faults` were found before and are reported with these.
     """
     faults = faults or Faults()
     used = {channel.name: channel for channel in channels}

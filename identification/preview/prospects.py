@@ -94,11 +94,7 @@ class Prospect:
 def prospects_of(
     records: Sequence[Record], excitation: Excitation
 ) -> tuple[list[Prospect], list[str]]:
-    """Expected precision of each nominal parameter, and notes on the runs.
-
-    Args:
-        records: Records of runs of one motor without contradictions.
-        excitation: Excitation of all runs together.
+    """Expected precision of each nominal parameter, and notes on the runs together.
 
     Raises:
         ComputationError: The nominal model cannot be simulated.
@@ -228,10 +224,7 @@ def _passed_unseen(values: Mapping[str, float], interval: float) -> frozenset[st
 def sampling_note(values: Mapping[str, float], interval: float, is_typical: bool = False) -> str:
     """Remark on transients that are shorter than the interval [s]; empty if there are none.
 
-    Args:
-        values: Nominal parameters.
-        interval: Sampling interval [s].
-        is_typical: Whether L is that of a typical winding, because the runs do not determine it.
+    `is_typical` says that the runs do not determine L, which is that of a typical winding.
     """
     passed = _unresolved(values, interval)
     if not passed:
