@@ -171,8 +171,8 @@ def _step(values: Array, step: float) -> float:
     return step
 
 
-def _words(values: Array, step: float) -> tuple[float, float, NDArray[np.int64]]:
-    """Offset, step and words of a column; a missing value repeats the last known one."""
+def _words(values: Array, step: float) -> tuple[float, float, NDArray[np.int64], Bool]:
+    """Offset, step and words of a column, and which values are known; others repeat the last."""
     finite = np.isfinite(values)
     known = values[finite]
     low = float(known.min()) if known.size else 0.0
@@ -184,12 +184,12 @@ def _words(values: Array, step: float) -> tuple[float, float, NDArray[np.int64]]
         step = 1.0
     last = np.maximum.accumulate(np.where(finite, np.arange(values.size), 0))
     whole = np.rint((np.where(finite, values, low)[last] - low) / step).astype(np.int64)
-    return low, step, whole
+    return low, step, whole, finite
 
 
 def _rounded(values: Array, step: float) -> Array:
     """The values that the browser decodes, a missing one as the last known one."""
-    low, step, whole = _words(values, step)
+    low, step, whole, _ = _words(values, step)
     return np.asarray(low + step * whole, dtype=np.float64)
 
 
@@ -198,31 +198,19 @@ def encoded(values: Array, step: float = 0.0) -> Column:
 
     Errors are at most half a step of the column, which may exceed `step` for a wide range.
     """
-    low, step, whole = _words(values, step)
-    finite = np.isfinite(values)
-    if not np.isfinite(float(np.ptp(values[finite])) if finite.any() else 0.0):
-        finite = np.zeros(values.size, dtype=np.bool_)
+    low, step, whole, finite = _words(values, step)
+    # First index and length of each stretch of missing values, in turn.
+    missing = [int(x) for first, last in stretches(~finite) for x in (first, last - first)]
     order, words = min(
-        ((order, _differences(whole, order)) for order in (0, 1, 2)),
+        ((n, np.diff(whole, n, prepend=np.zeros(n, dtype=np.int64))) for n in (0, 1, 2)),
         key=lambda one: float(np.log2(1.0 + np.abs(one[1])).sum()),
     )
     zigzag = ((words << 1) ^ (words >> 63)).astype(np.uint32)
     planes = zigzag.astype("<u4").view(np.uint8).reshape(-1, 4).T
     return Column(
-        low=low, step=step, order=order, missing=_missing(finite), plus="",
+        low=low, step=step, order=order, missing=missing, plus="",
         data=base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode("ascii"),
     )  # fmt: skip
-
-
-def _differences(words: NDArray[np.int64], order: int) -> NDArray[np.int64]:
-    for _ in range(order):
-        words = np.diff(words, prepend=np.int64(0))
-    return words
-
-
-def _missing(finite: Bool) -> list[int]:
-    """First index and length of each stretch of missing values, in turn."""
-    return [int(x) for first, last in stretches(~finite) for x in (first, last - first)]
 
 
 def extremes(channels: Sequence[Array], buckets: int) -> Index:

@@ -127,8 +127,6 @@ def chain_draws(posterior: BinaryIO, most: int, name: str | None = None) -> dict
 
 def _read(posterior: BinaryIO) -> dict[str, Array]:
     """All draws of a file, the nominal parameters first."""
-    import h5netcdf
-
     with h5netcdf.File(posterior, "r") as file:
         group = file.groups["posterior"]
         names = dict.fromkeys([*DECLARED_PARAMETERS, *group.variables])
