@@ -6,6 +6,9 @@ A server holds a fit by a lease, which it renews.  A place is a machine with a d
 Only one server runs there at a time, and its name begins with that of the place.  A new server
 therefore takes over all fits of its predecessor at once, and fits of other places only after their
 lease has expired.
+
+Every update of a running fit is conditional on the attempt number (optimistic locking), so a slow
+process whose attempt was replaced cannot overwrite the state of its successor.
 """
 
 from __future__ import annotations
@@ -18,12 +21,12 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from sqlalchemy import select
+from sqlalchemy import ColumnElement, func, or_, select
 from sqlalchemy.orm import Session
 
 from app.database import Database
-from app.fits import repository
 from app.fits.job import FitJob, RunFile
+from app.fits.repository import ENDED, RELEASED, changed
 from app.settings import Settings
 from app.storage import Storage
 from app.tables import FitRow, FitRunRow, RunRow
@@ -60,22 +63,17 @@ class FitQueue:
     def _owner(self) -> str:
         return f"{self._storage.place}/{secrets.token_hex(8)}"
 
-    def lease(self) -> float:
-        """End of a lease that is renewed now [s since 1970]."""
-        return time.time() + self._settings.lease_s
-
-    def held(self) -> dict[tuple[str, int], int]:
-        """Number of failed attempts of the fits that this server holds, by fit ID and attempt."""
+    def held(self) -> set[tuple[str, int]]:
+        """Fit ID and attempt of the fits that this server holds."""
+        query = select(FitRow.id, FitRow.attempt).filter_by(status="running", owner=self._owner)
         with self._database.reading() as session:
-            query = select(FitRow.id, FitRow.attempt, FitRow.failures)
-            held = session.execute(query.filter_by(status="running", owner=self._owner))
-            return {(fit_id, attempt): failures for fit_id, attempt, failures in held}
+            return {(fit_id, attempt) for fit_id, attempt in session.execute(query)}
 
     def has_ended(self, fit_id: str) -> bool:
         """Return True if a fit is in a final state or was deleted."""
         with self._database.reading() as session:
             status = session.scalars(select(FitRow.status).filter_by(id=fit_id)).one_or_none()
-        return status in (None, *repository.ENDED)
+        return status in (None, *ENDED)
 
     def waiting(self, most: int) -> int:
         """Number of queued fits, counted up to a maximum."""
@@ -90,56 +88,96 @@ class FitQueue:
         started alone, so that further kills count against no other fit.
         """
         passed = list(without)[:_MOST_PASSED]
+        query = select(FitRow).where(FitRow.status == "queued", FitRow.id.not_in(passed)).limit(1)
+        query = query.order_by(FitRow.created_at, FitRow.position, FitRow.id)
         while True:
             # Read first: most polls find nothing, and a write would block other writers.
             with self._database.reading() as session:
-                row = repository.next_queued(session, without=passed)
+                row = session.scalars(query).one_or_none()
                 if row is None or (running and _is_suspect(row)):
                     return None
             with self._database.writing() as session:
-                row = repository.next_queued(session, without=passed, lock=True)
+                # Rows that another server has locked are skipped.
+                row = session.scalars(query.with_for_update(skip_locked=True)).one_or_none()
                 if row is None or (running and _is_suspect(row)):
                     return None
                 job = self._job(session, row)
+                is_ours = changed(
+                    session,
+                    FitRow.id == row.id,
+                    FitRow.attempt == row.attempt,
+                    FitRow.status == "queued",
+                    status="running",
+                    stage="starting",
+                    fraction=0.0,
+                    attempt=job.attempt,
+                    owner=self._owner,
+                    lease_until=self._lease(),
+                    started_at=func.coalesce(FitRow.started_at, time.time()),
+                )
                 # If another server was faster, try the next fit.
-                if repository.claim(session, row, self._owner, time.time(), self.lease()):
+                if is_ours:
                     return Claim(job, row.failures, _is_suspect(row))
 
-    def unclaim(self, fit_id: str, attempt: int) -> None:
-        """Requeue a fit whose attempt could not be started; the attempt is not counted."""
+    def renew(self, fit_id: str, attempt: int, progress: dict[str, Any]) -> bool:
+        """Renew the lease of an attempt and store its progress; return False if not current."""
+        step = 1 if progress else 0
         with self._database.writing() as session:
-            repository.put_back(session, fit_id, attempt, attempt=attempt - 1)
+            current = _current(fit_id, attempt)
+            return 0 < changed(session, *current, step=step, lease_until=self._lease(), **progress)
 
-    def put_back(self, fit_id: str, attempt: int, failures: int) -> None:
-        """Requeue a fit after an attempt without a result."""
+    def put_back(self, fit_id: str, attempt: int, /, **changes: Any) -> bool:
+        """Requeue a fit after an attempt without a result; return False if it is not current.
+
+        `changes` are values of further columns.
+        """
+        values = RELEASED | {"status": "queued", "stage": "queued", "fraction": 0.0} | changes
         with self._database.writing() as session:
-            repository.put_back(session, fit_id, attempt, failures=failures)
+            return 0 < changed(session, *_current(fit_id, attempt), **values)
+
+    def finish(
+        self, fit_id: str, attempt: int, status: str, error: dict[str, Any] | None = None
+    ) -> bool:
+        """End a fit with the outcome of an attempt; return False if the attempt is not current.
+
+        The call is idempotent, so a commit whose confirmation was lost can be repeated.
+        """
+        values: dict[str, Any] = {"status": status, "error": error, "ended_at": time.time()}
+        if status == "succeeded":
+            values |= {"stage": "done", "fraction": 1.0}
+        same = select(FitRow.id).filter_by(id=fit_id, attempt=attempt, status=status)
+        with self._database.writing() as session:
+            is_done = changed(session, *_current(fit_id, attempt), **values, **RELEASED)
+            return bool(is_done) or session.scalars(same).one_or_none() is not None
 
     def give_up(self, fit_id: str, attempt: int, error: dict[str, Any]) -> bool:
         """End a fit as failed and delete its files; return False if the attempt is not current."""
-        with self._database.writing() as session:
-            is_ours = repository.finish(
-                session, fit_id, attempt, status="failed", now=time.time(), error=error
-            )
+        is_ours = self.finish(fit_id, attempt, "failed", error)
         if is_ours:
             self._storage.remove_fit(fit_id)
         return is_ours
 
     def take_over(self) -> None:
         """Requeue the fits of dead servers; give up a fit during which too many servers died."""
+        is_former = FitRow.owner.startswith(f"{self._storage.place}/", autoescape=True)
+        query = select(FitRow).where(
+            FitRow.status == "running",
+            FitRow.owner != self._owner,
+            or_(FitRow.lease_until < time.time(), is_former),
+        )
         with self._database.reading() as session:
-            rows = repository.expired(
-                session, place=self._storage.place, owner=self._owner, now=time.time()
-            )
+            rows = session.scalars(query).all()
         for row in rows:
             if row.interruptions >= _MOST_INTERRUPTIONS:
                 detail = f"the service was killed {row.interruptions} times during the fit"
                 self.give_up(row.id, row.attempt, {"code": "interrupted", "detail": detail})
                 continue
-            with self._database.writing() as session:
-                kills = FitRow.interruptions + 1
-                repository.put_back(session, row.id, row.attempt, interruptions=kills)
+            self.put_back(row.id, row.attempt, interruptions=FitRow.interruptions + 1)
             _log.warning("fit taken over", extra={"fit": row.id, "attempt": row.attempt})
+
+    def _lease(self) -> float:
+        """End of a lease that is renewed now [s since 1970]."""
+        return time.time() + self._settings.lease_s
 
     def _job(self, session: Session, row: FitRow) -> FitJob:
         attempt = row.attempt + 1
@@ -167,3 +205,8 @@ class FitQueue:
 
 def _is_suspect(row: FitRow) -> bool:
     return row.interruptions >= _SUSPECT_INTERRUPTIONS
+
+
+def _current(fit_id: str, attempt: int) -> tuple[ColumnElement[bool], ...]:
+    """Conditions for an attempt that runs and was not replaced."""
+    return FitRow.id == fit_id, FitRow.attempt == attempt, FitRow.status == "running"

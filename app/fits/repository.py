@@ -1,43 +1,24 @@
-"""Database queries of fits.
-
-Every update of a running fit is conditional on the attempt number (optimistic locking), so a slow
-process whose attempt was replaced cannot overwrite the state of its successor.
-"""
+"""Database queries of fits, except those of their queue (`app.fits.queue`)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sqlalchemy import and_, delete, func, insert, or_, select, update
+from sqlalchemy import ColumnElement, delete, insert, select, update
 from sqlalchemy.orm import Session
 
 from app.database import portions
 from app.fits.request import FitRequest
 from app.tables import FitRow, FitRunRow
 
-__all__ = [
-    "ENDED",
-    "add",
-    "cancel",
-    "changes",
-    "claim",
-    "expired",
-    "finish",
-    "next_queued",
-    "put_back",
-    "remove",
-    "renew",
-    "run_ids",
-]
+__all__ = ["ENDED", "RELEASED", "add", "cancel", "changed", "changes", "remove", "run_ids"]
 
 ENDED = ("succeeded", "failed", "cancelled")
 """Final states of a fit."""
 
-_RELEASED: dict[str, Any] = {
-    "owner": None,
-    "lease_until": None,
-}  # columns of a fit that no server holds
+RELEASED: dict[str, Any] = {"owner": None, "lease_until": None}
+"""Values of the columns of a fit that no server holds."""
 
 
 def add(session: Session, *fits: tuple[FitRow, FitRequest]) -> None:
@@ -88,13 +69,8 @@ def changes(session: Session, versions: Mapping[str, int]) -> dict[str, FitRow |
 def cancel(session: Session, wanted: str, now: float, *, of_batch: bool = False) -> int:
     """Cancel the unfinished fit, or fits of a batch, with an ID; return how many there are."""
     column = FitRow.batch_id if of_batch else FitRow.id
-    return _changed(
-        session,
-        and_(column == wanted, FitRow.status.not_in(ENDED)),
-        status="cancelled",
-        ended_at=now,
-        **_RELEASED,
-    )
+    is_unfinished = column == wanted, FitRow.status.not_in(ENDED)
+    return changed(session, *is_unfinished, status="cancelled", ended_at=now, **RELEASED)
 
 
 def remove(session: Session, fit_id: str) -> None:
@@ -102,110 +78,11 @@ def remove(session: Session, fit_id: str) -> None:
     session.execute(delete(FitRow).where(FitRow.id == fit_id))
 
 
-def next_queued(
-    session: Session, *, without: Collection[str] = (), lock: bool = False
-) -> FitRow | None:
-    """Fit that has waited longest in the queue, or None.
-
-    `without` has at most as many IDs as a statement may have parameters; `lock` locks the row and
-    skips rows that another server has locked.
-    """
-    query = (
-        select(FitRow)
-        .where(FitRow.status == "queued", FitRow.id.not_in(without))
-        .order_by(FitRow.created_at, FitRow.position, FitRow.id)
-        .limit(1)
-    )
-    if lock:
-        query = query.with_for_update(skip_locked=True)
-    return session.scalars(query).one_or_none()
-
-
-def claim(session: Session, row: FitRow, owner: str, now: float, lease_until: float) -> bool:
-    """Start the next attempt at a queued fit; return False if another server was faster."""
-    return 0 < _changed(
-        session,
-        and_(FitRow.id == row.id, FitRow.attempt == row.attempt, FitRow.status == "queued"),
-        status="running",
-        stage="starting",
-        fraction=0.0,
-        attempt=row.attempt + 1,
-        owner=owner,
-        lease_until=lease_until,
-        started_at=func.coalesce(FitRow.started_at, now),
-    )
-
-
-def renew(
-    session: Session, fit_id: str, attempt: int, *, lease_until: float, progress: dict[str, Any]
-) -> bool:
-    """Renew the lease of an attempt and store its progress; return False if it is not current."""
-    step = 1 if progress else 0
-    condition = _current(fit_id, attempt)
-    return 0 < _changed(session, condition, step=step, lease_until=lease_until, **progress)
-
-
-def finish(
-    session: Session,
-    fit_id: str,
-    attempt: int,
-    *,
-    status: str,
-    now: float,
-    error: dict[str, Any] | None = None,
-) -> bool:
-    """End a fit with the outcome of an attempt; return False if the attempt is not current.
-
-    The call is idempotent, so a commit whose confirmation was lost can be repeated.
-    """
-    values: dict[str, Any] = {"stage": "done", "fraction": 1.0} if status == "succeeded" else {}
-    is_done = _changed(
-        session,
-        _current(fit_id, attempt),
-        status=status,
-        error=error,
-        ended_at=now,
-        **_RELEASED,
-        **values,
-    )
-    same = select(FitRow.id).filter_by(id=fit_id, attempt=attempt, status=status)
-    return bool(is_done) or session.scalars(same).one_or_none() is not None
-
-
-def put_back(session: Session, fit_id: str, attempt: int, /, **changes: Any) -> bool:
-    """Requeue a fit after an attempt without a result; `changes` are values of further columns."""
-    return 0 < _changed(
-        session,
-        _current(fit_id, attempt),
-        status="queued",
-        stage="queued",
-        fraction=0.0,
-        **_RELEASED,
-        **changes,
-    )
-
-
-def expired(session: Session, *, place: str, owner: str, now: float) -> Sequence[FitRow]:
-    """Running fits whose owner is gone, or whose lease ended before now [s since 1970].
-
-    A place is a machine with a data directory.  Only one server runs there at a time, so every
-    other owner with the name of this place is gone.
-    """
-    query = select(FitRow).where(
-        FitRow.status == "running",
-        FitRow.owner != owner,
-        or_(FitRow.lease_until < now, FitRow.owner.startswith(f"{place}/", autoescape=True)),
-    )
-    return session.scalars(query).all()
-
-
-def _current(fit_id: str, attempt: int) -> Any:
-    return and_(FitRow.id == fit_id, FitRow.attempt == attempt, FitRow.status == "running")
-
-
-def _changed(session: Session, condition: Any, *, step: int = 1, **values: Any) -> int:
-    """Update the rows that meet a condition and their versions; return the number of rows."""
-    statement = update(FitRow).where(condition).values(version=FitRow.version + step, **values)
+def changed(
+    session: Session, *conditions: ColumnElement[bool], step: int = 1, **values: Any
+) -> int:
+    """Update the fits that meet all conditions, and their versions; return their number."""
+    statement = update(FitRow).where(*conditions).values(version=FitRow.version + step, **values)
     result = session.execute(
         statement.returning(FitRow.id), execution_options={"synchronize_session": False}
     )

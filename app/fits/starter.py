@@ -109,12 +109,12 @@ class Starter:
     def _refused(self, job: FitJob, error: Exception) -> None:
         self._postponed.postpone(job.fit_id)
         if _is_shortage(error):
-            self._queue.unclaim(job.fit_id, job.attempt)
+            self._queue.put_back(job.fit_id, job.attempt, attempt=job.attempt - 1)
             raise CannotStart from error
         self._refusals[job.fit_id] += 1
         times = self._refusals[job.fit_id]
         if times < _MOST_REFUSALS:
-            self._queue.unclaim(job.fit_id, job.attempt)
+            self._queue.put_back(job.fit_id, job.attempt, attempt=job.attempt - 1)
             return
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         detail = f"the process could not be started in {times} attempts; last error: {reason[:300]}"

@@ -27,7 +27,6 @@ from typing import Any
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.database import Database
-from app.fits import repository
 from app.fits.engine import LOST, AbstractEngine, AbstractRunning
 from app.fits.job import FitJob
 from app.fits.queue import Claim, FitQueue
@@ -87,7 +86,6 @@ class Supervisor:
         settings: Settings,
         metrics: Metrics,
     ) -> None:
-        self._database = database
         self._storage = storage
         self._engine = engine
         self._settings = settings
@@ -167,14 +165,7 @@ class Supervisor:
         if elapsed < wait:
             return
         job = attempt.job
-        with self._database.writing() as session:
-            is_ours = repository.renew(
-                session,
-                job.fit_id,
-                job.attempt,
-                lease_until=self._queue.lease(),
-                progress=attempt.news,
-            )
+        is_ours = self._queue.renew(job.fit_id, job.attempt, attempt.news)
         attempt.renewed = time.monotonic()
         attempt.news = {}
         if not is_ours:
@@ -194,11 +185,7 @@ class Supervisor:
     def _succeed(self, attempt: Attempt) -> None:
         job = attempt.job
         seconds = time.monotonic() - attempt.began
-        with self._database.writing() as session:
-            is_ours = repository.finish(
-                session, job.fit_id, job.attempt, status="succeeded", now=time.time()
-            )
-        if is_ours:
+        if self._queue.finish(job.fit_id, job.attempt, "succeeded"):
             self._storage.keep_attempt(job.fit_id, job.attempt)
             self._metrics.fit_seconds.observe(seconds)
             self._close(attempt, "succeeded", seconds=round(seconds, 3))
@@ -230,7 +217,7 @@ class Supervisor:
             detail = f"the process ended without a result {times}; last cause: {end}"
             self._fail(attempt, {"code": "crashed", "detail": detail})
             return
-        self._queue.put_back(job.fit_id, job.attempt, failures)
+        self._queue.put_back(job.fit_id, job.attempt, failures=failures)
         self._drop(attempt)
 
     def _interrupt(self, attempt: Attempt) -> None:
@@ -241,7 +228,7 @@ class Supervisor:
         # The first interruption causes no delay, but a machine without free processes must not be
         # asked often.
         self._postponed.postpone(job.fit_id, free=0 if refused else 1)
-        self._queue.put_back(job.fit_id, job.attempt, attempt.claim.failures)
+        self._queue.put_back(job.fit_id, job.attempt)
         self._drop(attempt)
 
     def _close(self, attempt: Attempt, status: str, **details: object) -> None:
@@ -271,10 +258,10 @@ class Supervisor:
                 if self._queue.has_ended(attempt.job.fit_id):
                     self._storage.remove_checkpoints(attempt.job.fit_id)
                 _log.info("fit abandoned", extra={"fit": attempt.job.fit_id})
-        for fit_id, number in held.keys() - running.keys():
+        for fit_id, number in held - running.keys():
             # The fit was claimed, but an error prevented both its start and its return
             # to the queue.
-            self._queue.put_back(fit_id, number, held[fit_id, number])
+            self._queue.put_back(fit_id, number)
             _log.warning("fit found without a process", extra={"fit": fit_id})
 
     def _has_room(self) -> bool:
@@ -305,7 +292,7 @@ class Supervisor:
             attempt.running.kill()
             job = attempt.job
             try:
-                self._queue.put_back(job.fit_id, job.attempt, attempt.claim.failures)
+                self._queue.put_back(job.fit_id, job.attempt)
             except SQLAlchemyError:
                 # The next server takes the fit over when it finds the old lease.
                 _log.exception("a fit could not be requeued")

@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from sqlalchemy import event, select
-from sqlalchemy.orm import Session
 
 from app.access.service import Caller
 from app.database import Database
 from app.fits import repository
+from app.fits.queue import FitQueue
 from app.fits.request import FitRequest, new_row
+from app.settings import load_settings
+from app.storage import Storage
 from app.tables import FitRow, FitRunRow
 from identification.options import FitOptions
 from tests.app.statements import statements
 
 CALLER = Caller("default")
 OPTIONS = {"seed": 0, "controllers": list(FitOptions().controllers)}
+
+
+@pytest.fixture
+def server(database: Database, tmp_path: Path) -> FitQueue:
+    """Queue as seen by one server, with leases of ten seconds."""
+    storage = Storage(tmp_path / "data", "bench")
+    storage.prepare()
+    return FitQueue(database, storage, load_settings(lease_s=10.0))
 
 
 def queue(database: Database, number: int = 1) -> list[str]:
@@ -32,16 +44,6 @@ def queue(database: Database, number: int = 1) -> list[str]:
     return [row.id for row in rows]
 
 
-def take(database: Database, owner: str, now: float = 0.0) -> FitRow | None:
-    """Claim the fit that has waited longest, with a lease of ten seconds."""
-    with database.writing() as session:
-        row = repository.next_queued(session)
-        if row is None or not repository.claim(session, row, owner, now, now + 10.0):
-            return None
-    with database.reading() as session:
-        return session.get(FitRow, row.id)
-
-
 def state(database: Database, fit_id: str) -> FitRow:
     """Current row of a fit."""
     with database.reading() as session:
@@ -50,74 +52,70 @@ def state(database: Database, fit_id: str) -> FitRow:
     return row
 
 
-def finished(session: Session, fit_id: str, attempt: int) -> bool:
+def finished(server: FitQueue, fit_id: str, attempt: int) -> bool:
     """Try to end a fit as succeeded."""
-    return repository.finish(session, fit_id, attempt, status="succeeded", now=9.0)
+    return server.finish(fit_id, attempt, "succeeded")
 
 
-def renewed(session: Session, fit_id: str, attempt: int) -> bool:
+def renewed(server: FitQueue, fit_id: str, attempt: int) -> bool:
     """Try to renew a lease and store progress."""
-    return repository.renew(
-        session, fit_id, attempt, lease_until=99.0, progress={"stage": "x", "fraction": 0.5}
-    )
+    return server.renew(fit_id, attempt, {"stage": "x", "fraction": 0.5})
 
 
-def put_back(session: Session, fit_id: str, attempt: int) -> bool:
+def put_back(server: FitQueue, fit_id: str, attempt: int) -> bool:
     """Try to requeue a fit."""
-    return repository.put_back(session, fit_id, attempt, failures=1)
+    return server.put_back(fit_id, attempt, failures=1)
 
 
 @pytest.mark.parametrize("write", [finished, renewed, put_back])
 def test_replaced_attempt_cannot_write(
-    database: Database, write: Callable[[Session, str, int], bool]
+    database: Database, server: FitQueue, write: Callable[[FitQueue, str, int], bool]
 ) -> None:
     """The first attempt cannot change the row; the second, which replaced it, can."""
     [fit] = queue(database)
-    take(database, "first")
-    with database.writing() as session:
-        repository.put_back(session, fit, 1, failures=0)
-    take(database, "second")
+    server.claim()
+    server.put_back(fit, 1)
+    server.claim()
     before = state(database, fit)
 
-    with database.writing() as session:
-        accepted = write(session, fit, 1)
+    accepted = write(server, fit, 1)
 
     after = state(database, fit)
     assert not accepted
     assert (after.version, after.status, after.attempt) == (before.version, "running", 2)
-    with database.writing() as session:
-        assert write(session, fit, 2)
+    assert write(server, fit, 2)
 
 
 @pytest.mark.parametrize("write", [finished, renewed, put_back])
 def test_cancelled_fit_accepts_no_write(
-    database: Database, write: Callable[[Session, str, int], bool]
+    database: Database, server: FitQueue, write: Callable[[FitQueue, str, int], bool]
 ) -> None:
     """A cancelled fit stays cancelled, whatever its process still reports."""
     [fit] = queue(database)
-    take(database, "first")
+    server.claim()
     with database.writing() as session:
         assert repository.cancel(session, fit, 5.0)
 
-    with database.writing() as session:
-        assert not write(session, fit, 1)
+    assert not write(server, fit, 1)
 
     assert state(database, fit).status == "cancelled"
     with database.writing() as session:
         assert not repository.cancel(session, fit, 6.0)
 
 
-def test_each_fit_is_claimed_once_by_concurrent_servers(database: Database) -> None:
+def test_each_fit_is_claimed_once_by_concurrent_servers(
+    database: Database, server: FitQueue
+) -> None:
     """Six threads claim twenty fits once each, as first attempts."""
     fits = queue(database, 20)
     taken: list[str] = []
 
-    def work(owner: str) -> None:
-        while row := take(database, owner):
-            assert row.attempt == 1
-            taken.append(row.id)
+    def work() -> None:
+        while claim := server.claim():
+            assert claim.job.attempt == 1
+            taken.append(claim.job.fit_id)
 
-    threads = [threading.Thread(target=work, args=(f"t{n}",)) for n in range(6)]
+    threads = [threading.Thread(target=work) for _ in range(6)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -126,53 +124,56 @@ def test_each_fit_is_claimed_once_by_concurrent_servers(database: Database) -> N
     assert sorted(taken) == sorted(fits)
 
 
-def test_fits_are_claimed_in_order(database: Database) -> None:
+def test_fits_are_claimed_in_order(database: Database, server: FitQueue) -> None:
     """Fits of a batch have equal creation times and are ordered by position."""
     fits = queue(database, 5)
 
-    taken = [take(database, "owner") for _ in fits]
+    taken = [server.claim() for _ in fits]
 
-    assert [row.id for row in taken if row] == fits
-    assert take(database, "owner") is None
+    assert [claim.job.fit_id for claim in taken if claim] == fits
+    assert server.claim() is None
 
 
 @pytest.mark.parametrize(
-    ("owner", "now", "is_expired"),
+    ("owner", "lease_s", "is_expired"),
     [
-        ("other/a", 9.0, False),
-        ("other/a", 11.0, True),
-        ("bench/old", 9.0, True),
-        ("bench/me", 11.0, False),
-        ("bench2/a", 9.0, False),
+        ("other/a", 60.0, False),
+        ("other/a", -1.0, True),
+        ("{place}/old", 60.0, True),
+        ("{own}", -1.0, False),
+        ("{place}2/a", 60.0, False),
     ],
 )
 def test_fit_is_taken_over_when_its_server_is_gone(
-    database: Database, owner: str, now: float, *, is_expired: bool
+    database: Database, server: FitQueue, owner: str, lease_s: float, *, is_expired: bool
 ) -> None:
     """A fit of another place needs an expired lease; one of a former server here does not."""
-    queue(database)
-    take(database, owner)
+    [fit] = queue(database)
+    server.claim()
+    own = server._owner
+    with database.writing() as session:
+        row = session.get_one(FitRow, fit)
+        row.owner = owner.format(place=own.partition("/")[0], own=own)
+        row.lease_until = time.time() + lease_s
 
-    with database.reading() as session:
-        rows = repository.expired(session, place="bench", owner="bench/me", now=now)
+    server.take_over()
 
-    assert bool(rows) == is_expired
+    assert state(database, fit).status == ("queued" if is_expired else "running")
 
 
-def test_heartbeat_does_not_change_the_version(database: Database) -> None:
+def test_heartbeat_does_not_change_the_version(database: Database, server: FitQueue) -> None:
     """The version, by which listeners detect changes, increases with progress only."""
     [fit] = queue(database)
-    take(database, "owner")
-    version = state(database, fit).version
+    server.claim()
+    before = state(database, fit)
 
-    with database.writing() as session:
-        repository.renew(session, fit, 1, lease_until=50.0, progress={})
+    server.renew(fit, 1, {})
     silent = state(database, fit)
-    with database.writing() as session:
-        renewed(session, fit, 1)
+    renewed(server, fit, 1)
 
-    assert (silent.version, silent.lease_until) == (version, 50.0)
-    assert state(database, fit).version == version + 1
+    assert silent.version == before.version
+    assert (silent.lease_until or 0.0) > (before.lease_until or 0.0)
+    assert state(database, fit).version == before.version + 1
 
 
 def test_removing_a_fit_removes_its_assignment_of_runs(database: Database) -> None:

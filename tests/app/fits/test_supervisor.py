@@ -12,6 +12,7 @@ import pytest
 from app.database import Database
 from app.fits import repository, starter
 from app.fits.engine import LOST
+from app.fits.queue import FitQueue
 from tests.app.fits.supervised import Bench, until
 
 
@@ -276,18 +277,17 @@ def test_success_survives_a_lost_commit_confirmation(
     """The commit succeeds but the connection breaks: the retry must not remove the result."""
     from sqlalchemy.exc import OperationalError
 
-    real = repository.finish
+    real = FitQueue.finish
     broken: list[bool] = []
 
-    def finish(session: Any, *words: Any, **values: Any) -> bool:
-        is_ours = real(session, *words, **values)
+    def finish(queue: FitQueue, *words: Any) -> bool:
+        is_ours = real(queue, *words)
         if not broken:
             broken.append(is_ours)
-            session.commit()
             raise OperationalError("COMMIT", {}, Exception("server closed the connection"))
         return is_ours
 
-    monkeypatch.setattr(repository, "finish", finish)
+    monkeypatch.setattr(FitQueue, "finish", finish)
     fit = bench.queue()
     running = bench.started(1)
     running.succeed()
