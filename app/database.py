@@ -188,8 +188,7 @@ def _parsed(address: str) -> sqlalchemy.URL:
         return url.set(drivername="postgresql+psycopg")
     if kind != "sqlite":
         raise OptionError(
-            f"database_url: {kind} is no database that is known; expected postgresql or sqlite",
-            value=kind,
+            f"database_url: {kind} is no database that is known; expected postgresql or sqlite"
         )
     return url
 

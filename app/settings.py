@@ -242,7 +242,7 @@ def load_settings(**given: object) -> Settings:
     chosen: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     secrets = os.environ.get("MOTORID_SECRETS_DIR") or None
     if secrets is not None and not Path(secrets).is_dir():
-        raise OptionError(f"MOTORID_SECRETS_DIR: {secrets} is not a directory", value=secrets)
+        raise OptionError(f"MOTORID_SECRETS_DIR: {secrets} is not a directory")
     try:
         return Settings(_secrets_dir=secrets, **chosen)  # type: ignore[call-arg]
     except ValidationError as error:
@@ -252,9 +252,7 @@ def load_settings(**given: object) -> Settings:
         # Only a number has bounds; other inputs may be secrets.
         if first["type"].startswith(("less_than", "greater_than")):
             text = text.replace("Input should be", "expected a number")
-            raise OptionError(
-                f"{name} is {first['input']}; {text}", value=first["input"]
-            ) from error
+            raise OptionError(f"{name} is {first['input']}; {text}") from error
         raise OptionError(f"{name}: {text}" if name else text) from error
 
 

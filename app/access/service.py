@@ -79,15 +79,12 @@ class AccessService:
         if not _WORKSPACE.fullmatch(workspace):
             raise OptionError(
                 f"workspace is {workspace!r}; expected up to 63 lower-case letters, digits, "
-                "- and _, the first a letter or digit",
-                value=workspace,
+                "- and _, the first a letter or digit"
             )
         if not 1 <= len(name) <= 200 or not name.isprintable():
-            raise OptionError("name: expected 1 to 200 printable characters", value=name)
+            raise OptionError("name: expected 1 to 200 printable characters")
         if days is not None and not 0.0 < days <= _MOST_DAYS:
-            raise OptionError(
-                f"days is {days:g}; expected more than 0 and at most {_MOST_DAYS}", value=days
-            )
+            raise OptionError(f"days is {days:g}; expected more than 0 and at most {_MOST_DAYS}")
         now = time.time()
         secret = _PREFIX + secrets.token_urlsafe(32)
         key = KeyRow(
@@ -127,8 +124,7 @@ class AccessService:
                 revoked = session.execute(statement).scalar_one_or_none()
         if revoked is None:
             raise OptionError(
-                f"{key_id!r} is no key that can be revoked; `motorid keys list` shows them",
-                value=key_id,
+                f"{key_id!r} is no key that can be revoked; `motorid keys list` shows them"
             )
 
     def caller_of_key(self, secret: str) -> Caller:

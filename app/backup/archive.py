@@ -161,14 +161,13 @@ def target(path: Path) -> AbstractTarget:
     is_empty = path.is_dir() and not any(path.iterdir())
     if (path.exists() or path.is_symlink()) and (path.suffix == ".tar" or not is_empty):
         raise OptionError(
-            f"{path} is there already, and a backup overwrites nothing; choose another path",
-            value=str(path),
+            f"{path} is there already, and a backup overwrites nothing; choose another path"
         )
     try:
         return _Tar(path) if path.suffix == ".tar" else _Folder(path)
     except OSError as error:
         raise OptionError(
-            f"{path}: cannot be written ({error.strerror}); choose another path", value=str(path)
+            f"{path}: cannot be written ({error.strerror}); choose another path"
         ) from error
 
 

@@ -68,8 +68,7 @@ def restore(settings: Settings, backup: Path) -> str:
     except OSError as error:
         raise OptionError(
             f"{partial}: cannot be created ({error.strerror}); remove the rest of an interrupted "
-            "restore, or choose another --data-dir",
-            value=str(partial),
+            "restore, or choose another --data-dir"
         ) from error
     try:
         saved = _fill(partial, backup)
@@ -93,8 +92,7 @@ def _check_empty(place: Path, besides: Path | None = None) -> None:
             state = f"holds what an interrupted restore left ({RESTORING} and other entries)"
         raise OptionError(
             f"data_dir: {place} {state}, and a restore overwrites nothing; choose another "
-            "directory with --data-dir, or move its content away",
-            value=str(place),
+            "directory with --data-dir, or move its content away"
         )
 
 

@@ -129,11 +129,10 @@ def values_by_name(settings: Sequence[str]) -> dict[str, float]:
         if not equals or name not in DECLARED_PARAMETERS:
             raise OptionError(
                 f"--set {setting!r}: expected NAME=VALUE, where NAME is one of "
-                f"{', '.join(DECLARED_PARAMETERS)}",
-                value=setting,
+                f"{', '.join(DECLARED_PARAMETERS)}"
             )
         if name in values:
-            raise OptionError(f"--set {name} is repeated; expected one value", value=setting)
+            raise OptionError(f"--set {name} is repeated; expected one value")
         try:
             values[name] = decimal_of(text)
         except ValueError:
@@ -141,8 +140,7 @@ def values_by_name(settings: Sequence[str]) -> dict[str, float]:
         if not math.isfinite(values[name]):
             raise OptionError(
                 f"--set {name}: {text!r} is not a number; expected one in "
-                f"{DECLARED_PARAMETERS[name].unit}",
-                value=setting,
+                f"{DECLARED_PARAMETERS[name].unit}"
             )
     return values
 
@@ -239,8 +237,7 @@ def check_mapped_files(mapping: Mapping[str, object] | None, files: Sequence[Pat
         if name not in names:
             raise OptionError(
                 f"the mapping has an entry for the file {name!r}; expected one of "
-                f"{', '.join(sorted(names))}",
-                value=name,
+                f"{', '.join(sorted(names))}"
             )
 
 
@@ -251,7 +248,7 @@ def _map_entry(setting: str) -> tuple[str | None, str, dict[str, object] | str |
     name, colon, channel = (part.strip() for part in place.rpartition(":"))
     file = name if colon else None
     if not equals or re.fullmatch(r"\w+", channel) is None or file == "":
-        raise OptionError(f"--map {setting!r}: expected {_MAP_FORM}", value=setting)
+        raise OptionError(f"--map {setting!r}: expected {_MAP_FORM}")
     if channel == TABLE:
         return file, channel, column
     column, period = _cut_at("mod", column)
@@ -316,5 +313,5 @@ def _map_number(setting: str, text: str) -> float:
         return decimal_of(text)
     except ValueError:
         raise OptionError(
-            f"--map {setting!r}: {text!r} is not a number; expected {_MAP_FORM}", value=setting
+            f"--map {setting!r}: {text!r} is not a number; expected {_MAP_FORM}"
         ) from None

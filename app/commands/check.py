@@ -81,8 +81,7 @@ def _check_replaceable(path: Path) -> None:
     except InputError as error:
         raise OptionError(
             f"--save-mapping {path}: exists and is no mapping, so it is not replaced; choose "
-            "another name",
-            value=str(path),
+            "another name"
         ) from error
 
 

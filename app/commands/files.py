@@ -34,8 +34,7 @@ def writable_directory(directory: Path, option: str = "--out") -> Iterator[None]
             pass
     except OSError as error:
         raise OptionError(
-            f"{option} {directory}: cannot be written ({error.strerror}); choose another directory",
-            value=str(directory),
+            f"{option} {directory}: cannot be written ({error.strerror}); choose another directory"
         ) from error
     try:
         yield
@@ -59,11 +58,10 @@ def writable_file(path: Path, option: str = "--out", inputs: Iterable[Path] = ()
         files = [read / name for name in _RESULT_FILES] if read.is_dir() else [read]
         if any(path.exists() and file.exists() and path.samefile(file) for file in files):
             raise OptionError(
-                f"{option} {path}: is an input of this command; expected another file name",
-                value=str(path),
+                f"{option} {path}: is an input of this command; expected another file name"
             )
     if path.is_dir():
-        raise OptionError(f"{option} {path}: is a directory; expected a file name", value=str(path))
+        raise OptionError(f"{option} {path}: is a directory; expected a file name")
     with writable_directory(Path(os.path.abspath(path)).parent, option):
         yield
 

@@ -142,4 +142,4 @@ def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]
         if known
         else "no campaign found; run the command in a checkout of the project, or add --data DIR"
     )
-    raise OptionError(f"campaign {name!r} is not in data/: {hint}", value=name)
+    raise OptionError(f"campaign {name!r} is not in data/: {hint}")

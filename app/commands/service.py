@@ -193,8 +193,7 @@ def _listen(settings: Settings) -> socket.socket:
     except OSError as error:
         raise OptionError(
             f"{settings.host} port {settings.port} cannot be opened ({error.strerror}); "
-            "choose another --host or --port",
-            value=settings.port,
+            "choose another --host or --port"
         ) from error
     return listening
 

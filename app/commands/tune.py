@@ -114,9 +114,7 @@ def _temperatures_of(words: Sequence[str]) -> list[float]:
             ends = []
         if len(ends) not in (1, 2) or ends[0] > ends[-1]:
             raise OptionError(
-                f"--temperature {word!r}: expected a temperature or LOW:HIGH in degC, such as "
-                "0:120",
-                value=word,
+                f"--temperature {word!r}: expected a temperature or LOW:HIGH in degC, such as 0:120"
             )
         low, high = ends[0], ends[-1]
         count = 1 if low == high else _OF_A_RANGE

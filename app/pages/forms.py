@@ -120,17 +120,13 @@ class LoopForm:
         """
         given = list(dict.fromkeys(parts(self.temperature)))
         if len(given) > _MOST_TEMPERATURES:
-            raise OptionError(
-                f"{len(given)} temperatures; expected at most {_MOST_TEMPERATURES}",
-                value=self.temperature,
-            )
+            raise OptionError(f"{len(given)} temperatures; expected at most {_MOST_TEMPERATURES}")
         try:
             return [float(part) for part in given]
         except ValueError:
             raise OptionError(
                 f"temperatures {self.temperature[:60]!r} are not numbers; expected degC separated "
-                "by commas, for example 25, 80",
-                value=self.temperature,
+                "by commas, for example 25, 80"
             ) from None
 
 
