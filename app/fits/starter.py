@@ -50,16 +50,12 @@ class Postponed:
     def __init__(self) -> None:
         self._delays: dict[str, tuple[int, float]] = {}
 
-    def postpone(self, fit_id: str, *, free: int = 0) -> int:
-        """Start a delay; return how often the fit was postponed in a row.
-
-        The first `free` postponements cause no delay.
-        """
+    def postpone(self, fit_id: str, *, free: int = 0) -> None:
+        """Start a delay, which is zero for the first `free` postponements in a row."""
         times = self._delays.get(fit_id, (0, 0.0))[0] + 1
         doublings = min(times - 1 - free, 10)
         pause = 0.0 if doublings < 0 else min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0**doublings)
         self._delays[fit_id] = times, time.monotonic() + pause * random.uniform(0.5, 1.0)
-        return times
 
     def forget(self, fit_id: str) -> None:
         """Reset the backoff of a fit."""

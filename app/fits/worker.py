@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import pkgutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from app.disk import is_full, open_regular, sha256_of
 from app.fits.job import LOG, FitJob, RunFile, options_of
 from app.fits.outputs import seal
-from app.fork_server.child import Answers, pipeline_of
+from app.fork_server.child import Answers
 from app.storage import CHECKPOINTS
 from identification.errors import ComputationError, InputError
 from identification.ingest import Run, read_run
@@ -84,7 +85,7 @@ def identified(
         InputError: The runs or the options are invalid.
         ComputationError: The computation failed on valid input.
     """
-    identify = pipeline_of(job.pipeline)
+    identify = pkgutil.resolve_name(job.pipeline)
     training = [_read(run) for run in job.training]
     validation = [_read(run) for run in job.validation]
     more: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Child processes of the fork server: resource limits, messages to the client, and pipelines.
+"""Child processes of the fork server: resource limits and messages to the client.
 
 A child that handles untrusted input limits itself first; it cannot lift the limits again.  Each
 message is one JSON object on a line of the pipe.
@@ -7,14 +7,12 @@ message is one JSON object on a line of the pipe.
 from __future__ import annotations
 
 import ctypes
-import importlib
 import json
 import os
 import resource
 import signal
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +24,6 @@ __all__ = [
     "confine",
     "die_with_parent",
     "prefer_as_victim",
-    "pipeline_of",
 ]
 
 _PR_SET_PDEATHSIG = 1
@@ -134,10 +131,3 @@ class Answers:
         if stage != self._stage or now - self._sent >= _PROGRESS_INTERVAL_S:
             self._stage, self._sent = stage, now
             self.send({"progress": {"stage": stage, "fraction": min(max(fraction, 0.0), 1.0)}})
-
-
-def pipeline_of(name: str) -> Callable[..., Any]:
-    """Function that computes a fit, from its name ``module:function``."""
-    module, _, function = name.partition(":")
-    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
-    return found

@@ -199,9 +199,8 @@ class PendingRuns:
                 if found is not None:
                     row.mapping, row.found = found["mapping"], found
 
-    def confirm(self, caller: Caller) -> tuple[int, int]:
-        """Make a run of each pending run that can be read; return how many are new, and known."""
-        new = known = 0
+    def confirm(self, caller: Caller) -> None:
+        """Make a run of each pending run that can be read, unless it is known."""
         for pending in self.all(caller):
             if _is_outdated(pending):
                 # Another call examines its correction, or has been killed meanwhile.
@@ -221,12 +220,8 @@ class PendingRuns:
                     run = new_run(row.found["summary"], *content, **columns)
                     run.role = _taken_role(session, run)
                     session.add(run)
-            if is_new:
-                new += 1
-            else:
-                known += 1
+            if not is_new:
                 self._storage.remove_run(row.id)
-        return new, known
 
     def discard_all(self, caller: Caller) -> None:
         """Delete all pending runs and their files."""
