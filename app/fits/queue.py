@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import functools
 import logging
+import random
 import secrets
 import time
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -36,6 +36,9 @@ __all__ = ["Claim", "FitQueue"]
 _SUSPECT_INTERRUPTIONS = 10
 _MOST_INTERRUPTIONS = 50
 _MOST_PASSED = 500
+_FIRST_PAUSE_S = 0.5
+_LONGEST_PAUSE_S = 10.0
+_FORGOTTEN_S = 3600.0
 _log = logging.getLogger(__name__)
 
 
@@ -58,6 +61,7 @@ class FitQueue:
         self._database = database
         self._storage = storage
         self._settings = settings
+        self._delays: dict[str, tuple[int, float]] = {}
 
     @functools.cached_property
     def _owner(self) -> str:
@@ -81,15 +85,14 @@ class FitQueue:
             query = select(FitRow.id).where(FitRow.status == "queued").limit(most)
             return len(session.scalars(query).all())
 
-    def claim(self, without: Collection[str] = (), *, running: int = 0) -> Claim | None:
+    def claim(self, *, running: int = 0) -> Claim | None:
         """Claim the fit that has waited longest; None if none waits or it must wait to run alone.
 
         If a fit's server was killed ten times while it ran, the fit may be the cause.  It is then
         started alone, so that further kills count against no other fit.
         """
-        passed = list(without)[:_MOST_PASSED]
-        query = select(FitRow).where(FitRow.status == "queued", FitRow.id.not_in(passed)).limit(1)
-        query = query.order_by(FitRow.created_at, FitRow.position, FitRow.id)
+        query = select(FitRow).where(FitRow.status == "queued", FitRow.id.not_in(self._postponed()))
+        query = query.order_by(FitRow.created_at, FitRow.position, FitRow.id).limit(1)
         while True:
             # Read first: most polls find nothing, and a write would block other writers.
             with self._database.reading() as session:
@@ -135,6 +138,17 @@ class FitQueue:
         with self._database.writing() as session:
             return 0 < changed(session, *_current(fit_id, attempt), **values)
 
+    def postpone(self, fit_id: str, *, free: int = 0) -> None:
+        """Start a delay before a fit is claimed again; the first `free` ones in a row are zero.
+
+        Delays grow exponentially.  They are random, so fits that were interrupted together do not
+        start together again: one of them may have caused the interruption.
+        """
+        times = self._delays.get(fit_id, (0, 0.0))[0] + 1
+        doublings = min(times - 1 - free, 10)
+        pause = 0.0 if doublings < 0 else min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0**doublings)
+        self._delays[fit_id] = times, time.monotonic() + pause * random.uniform(0.5, 1.0)
+
     def finish(
         self, fit_id: str, attempt: int, status: str, error: dict[str, Any] | None = None
     ) -> bool:
@@ -145,6 +159,7 @@ class FitQueue:
         values: dict[str, Any] = {"status": status, "error": error, "ended_at": time.time()}
         if status == "succeeded":
             values |= {"stage": "done", "fraction": 1.0}
+        self._delays.pop(fit_id, None)
         same = select(FitRow.id).filter_by(id=fit_id, attempt=attempt, status=status)
         with self._database.writing() as session:
             is_done = changed(session, *_current(fit_id, attempt), **values, **RELEASED)
@@ -174,6 +189,13 @@ class FitQueue:
                 continue
             self.put_back(row.id, row.attempt, interruptions=FitRow.interruptions + 1)
             _log.warning("fit taken over", extra={"fit": row.id, "attempt": row.attempt})
+
+    def _postponed(self) -> list[str]:
+        """IDs of the fits whose delay has not ended."""
+        now = time.monotonic()
+        # Drop old entries: a fit that another server has ended is never reset here.
+        self._delays = {f: d for f, d in self._delays.items() if d[1] >= now - _FORGOTTEN_S}
+        return [f for f, (_, until) in self._delays.items() if until > now][:_MOST_PASSED]
 
     def _lease(self) -> float:
         """End of a lease that is renewed now [s since 1970]."""

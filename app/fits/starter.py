@@ -10,8 +10,6 @@ from __future__ import annotations
 import dataclasses
 import errno
 import logging
-import random
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Final
@@ -21,11 +19,8 @@ from app.fits.engine import AbstractEngine, AbstractRunning
 from app.fits.job import FitJob
 from app.fits.queue import Claim, FitQueue
 
-__all__ = ["CannotStart", "Postponed", "Starter"]
+__all__ = ["CannotStart", "Starter"]
 
-_FIRST_PAUSE_S = 0.5
-_LONGEST_PAUSE_S = 10.0
-_FORGOTTEN_S = 3600.0
 _MOST_REFUSALS = 3
 _SHORTAGES: Final = (
     *(errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ETOOMANYREFS),
@@ -40,43 +35,12 @@ class CannotStart(Exception):
     """A resource shortage prevents the start of any fit."""
 
 
-class Postponed:
-    """Exponential backoff of fits that could not be started or were interrupted.
-
-    Delays are random, so fits that were interrupted together do not start together again: one of
-    them may have caused the interruption.
-    """
-
-    def __init__(self) -> None:
-        self._delays: dict[str, tuple[int, float]] = {}
-
-    def postpone(self, fit_id: str, *, free: int = 0) -> None:
-        """Start a delay, which is zero for the first `free` postponements in a row."""
-        times = self._delays.get(fit_id, (0, 0.0))[0] + 1
-        doublings = min(times - 1 - free, 10)
-        pause = 0.0 if doublings < 0 else min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0**doublings)
-        self._delays[fit_id] = times, time.monotonic() + pause * random.uniform(0.5, 1.0)
-
-    def forget(self, fit_id: str) -> None:
-        """Reset the backoff of a fit."""
-        self._delays.pop(fit_id, None)
-
-    def now(self) -> list[str]:
-        """IDs of the fits whose delay has not ended."""
-        moment = time.monotonic()
-        # Drop old entries: a fit that another server has ended is never reset here.
-        old = moment - _FORGOTTEN_S
-        self._delays = {f: (n, until) for f, (n, until) in self._delays.items() if until >= old}
-        return [fit_id for fit_id, (_, until) in self._delays.items() if until > moment]
-
-
 class Starter:
     """Component that starts queued fits one after the other."""
 
-    def __init__(self, queue: FitQueue, engine: AbstractEngine, postponed: Postponed) -> None:
+    def __init__(self, queue: FitQueue, engine: AbstractEngine) -> None:
         self._queue = queue
         self._engine = engine
-        self._postponed = postponed
         self._refusals: Counter[str] = Counter()
 
     def start(self, running: int) -> tuple[Claim, AbstractRunning] | None:
@@ -90,7 +54,7 @@ class Starter:
         if not waiting:
             return None
         threads = self._engine.threads(running + waiting)
-        while (claim := self._queue.claim(self._postponed.now(), running=running)) is not None:
+        while (claim := self._queue.claim(running=running)) is not None:
             try:
                 Path(claim.job.directory).mkdir(parents=True, exist_ok=True)
                 started = self._engine.start(dataclasses.replace(claim.job, threads=threads))
@@ -103,7 +67,7 @@ class Starter:
         return None
 
     def _refused(self, job: FitJob, error: Exception) -> None:
-        self._postponed.postpone(job.fit_id)
+        self._queue.postpone(job.fit_id)
         if _is_shortage(error):
             self._queue.put_back(job.fit_id, job.attempt, attempt=job.attempt - 1)
             raise CannotStart from error
@@ -115,7 +79,6 @@ class Starter:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         detail = f"the process could not be started in {times} attempts; last error: {reason[:300]}"
         self._queue.give_up(job.fit_id, job.attempt, {"code": "start", "detail": detail})
-        self._postponed.forget(job.fit_id)
         del self._refusals[job.fit_id]
 
 

@@ -30,7 +30,7 @@ from app.database import Database
 from app.fits.engine import LOST, AbstractEngine, AbstractRunning
 from app.fits.job import FitJob
 from app.fits.queue import Claim, FitQueue
-from app.fits.starter import CannotStart, Postponed, Starter
+from app.fits.starter import CannotStart, Starter
 from app.metrics import Metrics
 from app.settings import Settings
 from app.storage import Storage
@@ -91,8 +91,7 @@ class Supervisor:
         self._settings = settings
         self._metrics = metrics
         self._queue = FitQueue(database, storage, settings)
-        self._postponed = Postponed()
-        self._starter = Starter(self._queue, engine, self._postponed)
+        self._starter = Starter(self._queue, engine)
         self._attempts: dict[str, Attempt] = {}
         self._looked = 0.0
         self._wake = threading.Event()
@@ -227,14 +226,13 @@ class Supervisor:
         _log.warning("an attempt was interrupted", extra={"fit": job.fit_id, "reason": refused})
         # The first interruption causes no delay, but a machine without free processes must not be
         # asked often.
-        self._postponed.postpone(job.fit_id, free=0 if refused else 1)
+        self._queue.postpone(job.fit_id, free=0 if refused else 1)
         self._queue.put_back(job.fit_id, job.attempt)
         self._drop(attempt)
 
     def _close(self, attempt: Attempt, status: str, **details: object) -> None:
         attempt.running.kill()
         del self._attempts[attempt.job.fit_id]
-        self._postponed.forget(attempt.job.fit_id)
         self._metrics.fits_ended.labels(status).inc()
         _log.info(
             f"fit {status}",

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from app.database import Database
-from app.fits import repository, starter
+from app.fits import queue, repository
 from app.fits.engine import LOST
 from app.fits.queue import FitQueue
 from tests.app.fits.supervised import Bench, until
@@ -74,7 +74,7 @@ def test_end_of_the_engine_is_not_counted_against_the_fit(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A fit that was lost with its engine five times still succeeds."""
-    monkeypatch.setattr(starter, "_FIRST_PAUSE_S", 0.05)
+    monkeypatch.setattr(queue, "_FIRST_PAUSE_S", 0.05)
     fit = bench.queue()
     for number in range(1, 6):
         bench.started(number).end = LOST
@@ -228,7 +228,7 @@ def test_resource_shortage_does_not_count_against_a_fit(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Four refusals exceed the limit of three that applies to other errors."""
-    monkeypatch.setattr(starter, "_FIRST_PAUSE_S", 0.05)
+    monkeypatch.setattr(queue, "_FIRST_PAUSE_S", 0.05)
     bench.engine.refusals = 4
     fit = bench.queue()
     bench.started(1).succeed()
