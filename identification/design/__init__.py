@@ -7,9 +7,9 @@ models.py     models of a result or a nameplate, their covariance, and the quant
 task.py       models, quantity, limits and grid of the run
 profiles.py   families of voltage profiles
 response.py   readings and sensitivities of a candidate
-limits.py     profiles scaled until every draw holds the limits
+limits.py     limits of a run, and voltages of a limited slew rate
 criteria.py   expected information about parameters and models
-propose.py    search of the best profile
+propose.py    search of the best profile, scaled until every draw holds the limits
 output.py     CSV, JSON and sentences
 """
 

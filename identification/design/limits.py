@@ -1,20 +1,19 @@
-"""Limits of a run, their syntax ``voltage=24,current=10,...``, and profiles scaled to hold them."""
+"""Limits of a run, their syntax ``voltage=24,current=10,...``, and a limited slew rate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array
-from identification.design.response import Predictor
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
-__all__ = ["UNITS", "Limits", "limits_of", "peaks", "slew_limited", "within"]
+__all__ = ["UNITS", "Limits", "limits_of", "slew_limited"]
 
 UNITS: Final = {
     "voltage": "V",
@@ -24,8 +23,6 @@ UNITS: Final = {
     "position": "rad",
     "load": "N m",
 }
-_ROUNDS: Final = 10
-_MARGIN: Final = 0.98
 
 
 @dataclass(frozen=True)
@@ -97,54 +94,3 @@ def slew_limited(voltage: Array, step: float) -> Array:
         backward = np.minimum.accumulate((magnitude + slope)[::-1])[::-1] - slope
         parts.append(np.maximum(np.minimum(forward, backward), 0.0))
     return np.asarray(parts[0] - parts[1])
-
-
-def peaks(
-    predictors: Sequence[Predictor],
-    draws: Sequence[Array],
-    voltage: Array,
-    temperatures: Sequence[float],
-    load: float = 0.0,
-) -> Mapping[str, float]:
-    """Largest current, speed and distance of the shaft in any draw of any model.
-
-    The draws are physical values (n_parameter, n_draw), the voltage is (n_sample,) [V]; the
-    temperatures [degC] are those that the run can have, the load is a torque [N m].
-    """
-    found = {"current": 0.0, "speed": 0.0, "position": 0.0}
-    for predictor, values in zip(predictors, draws, strict=True):
-        for temperature in temperatures:
-            states = predictor.states(voltage, temperature, values, load)
-            speed = states[:, 1, :]
-            angle = predictor.conditions.interval * np.cumsum(speed, axis=0)
-            for name, signal in (
-                ("current", states[:, 0, :]), ("speed", speed), ("position", angle)
-            ):  # fmt: skip
-                found[name] = max(found[name], float(np.max(np.abs(signal))))
-    return found
-
-
-def within(
-    predictors: Sequence[Predictor],
-    draws: Sequence[Array],
-    shape: Array,
-    temperature: float,
-    limits: Limits,
-    load: float = 0.0,
-) -> Array | None:
-    """Voltage (n_sample,) [V] at which all draws of all models hold the limits; None if none does.
-
-    The shape (n_sample,) is scaled; the draws are physical values (n_parameter, n_draw), the
-    temperature is in degC, the load a torque [N m].
-    """
-    amplitude, allowed = limits.voltage, asdict(limits)
-    for _ in range(_ROUNDS):
-        voltage = slew_limited(amplitude * shape, limits.slew * predictors[0].conditions.interval)
-        found = peaks(predictors, draws, voltage, [temperature], load)
-        excess = max(value / allowed[name] for name, value in found.items())
-        if excess <= 1.0:
-            return voltage
-        if not math.isfinite(excess):
-            return None
-        amplitude *= _MARGIN / excess
-    return None

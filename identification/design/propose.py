@@ -15,8 +15,8 @@ Source: Meyer and Nachtsheim, Technometrics 37 (1995), 60-69 (coordinate exchang
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Final
@@ -25,7 +25,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.design.criteria import Separation, information_bits, narrowed, separation
-from identification.design.limits import peaks, within
+from identification.design.limits import slew_limited
 from identification.design.models import time_constants
 from identification.design.profiles import Profile, library
 from identification.design.response import Predictor, Response
@@ -46,6 +46,8 @@ _MOST_EXCHANGES, _FEWEST_EXCHANGES = 240, 40
 _MOST_SEGMENTS: Final = 60
 _LEVELS: Final = (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)
 _LENGTHS: Final = (0.4, 2.5)
+_ROUNDS: Final = 10
+_MARGIN: Final = 0.98
 
 
 @dataclass(frozen=True)
@@ -111,9 +113,47 @@ class Designer:
     ) -> Candidate | None:
         """The profile within the limits with its score; None if no amplitude holds them."""
         shape = profile.sampled(self.task.rows)
-        limits = self.task.limits
-        voltage = within(self.predictors, self._few, shape, temperature, limits, load)
+        voltage = self.within(self._few, shape, temperature, load)
         return None if voltage is None else self.scored(profile, voltage, temperature, load)
+
+    def within(
+        self, draws: Sequence[Array], shape: Array, temperature: float, load: float
+    ) -> Array | None:
+        """Voltage (n_sample,) [V] at which all draws of all models hold the limits; None if none.
+
+        The shape (n_sample,) is scaled; the arguments are those of `peaks`.
+        """
+        limits, interval = self.task.limits, self.task.interval
+        amplitude, allowed = limits.voltage, asdict(limits)
+        for _ in range(_ROUNDS):
+            voltage = slew_limited(amplitude * shape, limits.slew * interval)
+            found = self.peaks(draws, voltage, temperature, load)
+            excess = max(value / allowed[name] for name, value in found.items())
+            if excess <= 1.0:
+                return voltage
+            if not math.isfinite(excess):
+                return None
+            amplitude *= _MARGIN / excess
+        return None
+
+    def peaks(
+        self, draws: Sequence[Array], voltage: Array, temperature: float, load: float
+    ) -> dict[str, float]:
+        """Largest current [A], speed [rad/s] and distance of the shaft [rad] in any draw.
+
+        The draws of each model are physical values (n_parameter, n_draw), the voltage is
+        (n_sample,) [V], the temperature in degC, the load a torque [N m].
+        """
+        found = {"current": 0.0, "speed": 0.0, "position": 0.0}
+        for predictor, values in zip(self.predictors, draws, strict=True):
+            states = predictor.states(voltage, temperature, values, load)
+            speed = states[:, 1, :]
+            angle = self.task.interval * np.cumsum(speed, axis=0)
+            for name, signal in (
+                ("current", states[:, 0, :]), ("speed", speed), ("position", angle)
+            ):  # fmt: skip
+                found[name] = max(found[name], float(np.max(np.abs(signal))))
+        return found
 
     def scored(
         self, profile: Profile, voltage: Array, temperature: float, load: float = 0.0
@@ -192,11 +232,10 @@ def _proposed(designer: Designer) -> Proposal:
 def _proposal(designer: Designer, best: Candidate, by_temperature: dict[float, float]) -> Proposal:
     task = designer.task
     many = designer.draws(_CHECK_DRAWS)
-    predictors, limits = designer.predictors, task.limits
-    shape, final = best.voltage / limits.voltage, None
+    shape, final = best.voltage / task.limits.voltage, None
     # The voltage cannot undo a load that drives the motor beyond a limit.
     for load in dict.fromkeys(share * best.load for share in (1.0, 0.5, 0.0)):
-        voltage = within(predictors, many, shape, best.temperature, limits, load)
+        voltage = designer.within(many, shape, best.temperature, load)
         if voltage is not None:
             final = designer.scored(best.profile, voltage, best.temperature, load)
             break
@@ -209,7 +248,7 @@ def _proposal(designer: Designer, best: Candidate, by_temperature: dict[float, f
     return Proposal(
         task=task,
         best=final,
-        peaks=dict(peaks(predictors, many, final.voltage, [final.temperature], final.load)),
+        peaks=designer.peaks(many, final.voltage, final.temperature, final.load),
         separation=designer.separated(final.responses) if task.are_rivals else None,
         bits=tuple(
             information_bits(one.covariance, response.information)
