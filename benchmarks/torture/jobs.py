@@ -47,10 +47,11 @@ def run(*, short: bool, directory: Path) -> Iterator[Outcome]:
     ):
         run_id = normal.upload(run_text(1))["id"]
         alone = [_fit(normal, run_id)[0] for _ in range(2 if short else 5)]
-        fits = 10 if short else 30
-        beside, seen = _beside(hostile, normal, run_id, fits=fits, runs=10 if short else 200)
+        # One for each kind of columns and each way to end.
+        fits = 5 if short else 30
+        beside, seen = _beside(hostile, normal, run_id, fits=fits, runs=4 if short else 200)
         yield _outcome(fits, alone, beside, seen)
-        yield _kills(server.process.pid, normal, run_id, 3 if short else 12)
+        yield _kills(server.process.pid, normal, run_id, 2 if short else 12)
 
 
 def _fit(caller: Caller, run_id: str) -> tuple[float, str, int]:

@@ -58,8 +58,8 @@ def run(*, short: bool, directory: Path) -> list[Outcome]:
     with serving(data_dir, PIPELINE=_PIPELINE, WORKERS=2) as server:
         return [
             # The short version runs in parallel with other tests, so its times are not reliable.
-            *_load(server, keys, _Size(12, 3.0, 10.0) if short else _Size(64, 60.0, _SLOWEST_S)),
-            _slow(server, keys[0], _Size(20, 2.0, 10.0) if short else _Size(200, 20.0, _SLOWEST_S)),
+            *_load(server, keys, _Size(12, 1.5, 10.0) if short else _Size(64, 60.0, _SLOWEST_S)),
+            _slow(server, keys[0], _Size(20, 1.0, 10.0) if short else _Size(200, 20.0, _SLOWEST_S)),
         ]
 
 
