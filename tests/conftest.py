@@ -32,9 +32,16 @@ LONG = (
     "contract/test_torture.py",
     "effects/test_bad_cases.py",
     "effects/test_lag.py",
+    "effects/test_slow_heat.py",
     "fit/test_knowledge.py",
+    "selection/test_search.py",
 )
 """Files that take more than half a minute."""
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One process more than cores, since many tests wait for servers and timeouts."""
+    return (os.cpu_count() or 1) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
