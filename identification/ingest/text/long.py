@@ -62,8 +62,11 @@ def roles_of(titles: Sequence[str]) -> Roles | None:
         next((k for k, word in enumerate(words) if word in known), None)
         for known in (_NAMES, _VALUES, _UNITS)
     )
+    # Most tables end here, before the slow search for a time.
+    if name is None or value is None:
+        return None
     times = tuple(k for k, title in enumerate(titles) if _is_time(title))
-    if name is None or value is None or not times or sum(map(is_channel_name, titles)) > 2:
+    if not times or sum(map(is_channel_name, titles)) > 2:
         return None
     return Roles(name, value, unit, times)
 
