@@ -44,27 +44,11 @@ def test_a_hidden_effect_is_named_and_its_error_goes_down_to_the_noise(effect: s
     assert outcome.effects[0].criteria.validation > 0.05
 
 
-def test_a_withheld_kind_is_no_candidate() -> None:
-    """Dry friction is hidden; without the restriction the search finds it (above)."""
-    measured = make_campaign(
-        "servo_150w", ["coulomb_friction"], seed=12, rows=1500, training=3, validation=1
-    )
-    campaign = records_of_bench(measured)
-
-    outcome = search(
-        fit_declared(campaign.training, "zoh"), campaign, withheld=["coulomb_friction"]
-    )
-
-    tried = {one.name for one in outcome.searched} | {one.name for one in outcome.effects}
-    assert "coulomb_friction" not in tried
-    assert "stribeck_friction" in tried
-
-
 def test_a_friction_that_leaves_a_correlated_residual_is_compared_with_a_curve() -> None:
     """Coulomb friction is hidden and withheld; Stribeck friction removes 95 % of the error.
 
     In effective samples, few because the residual is correlated, no curve gains enough to be added
-    to it.  A curve in its place leaves the noise.
+    to it.  A curve in its place leaves the noise.  A withheld kind is no candidate.
     """
     item = item_of(95)
     assert item.effect is not None
@@ -76,6 +60,10 @@ def test_a_friction_that_leaves_a_correlated_residual_is_compared_with_a_curve()
     found = {effect.name for effect in outcome.effects}
     b = measured.truth["parameters"]["b"]
     assert found == {"unlisted"}
+    tried = {one.name for one in outcome.searched}
+    assert "stribeck_friction" in tried
+    assert "coulomb_friction" in item.withheld
+    assert tried.isdisjoint(item.withheld)
     assert outcome.fit.by_name["b"] == pytest.approx(b, rel=0.1)
 
 
