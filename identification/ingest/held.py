@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.arrays import Array
-from identification.ingest.pulses import Pulses, find_pulses
+from identification.ingest.pulses import Pulses, find_pulses, improbability
 from identification.ingest.run import RunWarning, SourceLocator
 
 __all__ = ["find_held"]
@@ -90,20 +90,12 @@ def _period(signal: Array, changes: NDArray[np.intp]) -> int:
     for period in range(longest, 1, -1):
         slack = int(period >= _WANDERING)
         off = np.abs(intervals - period * np.round(intervals / period)) > slack
-        if _improbability(1.0 - float(off.mean()), intervals.size, (2 * slack + 1) / period) > (
-            math.log(longest / _LEVEL)
-        ):
+        share, chance = 1.0 - float(off.mean()), (2 * slack + 1) / period
+        is_regular = share >= _REGULAR
+        if is_regular and improbability(share, intervals.size, chance) > math.log(longest / _LEVEL):
             updates = np.maximum(np.round(intervals / period), 1.0)
             return int(np.round(np.median(intervals / updates)))
     return 0
-
-
-def _improbability(share: float, count: int, chance: float) -> float:
-    """Least negative log probability that a share of `count` intervals is regular by chance."""
-    if share < _REGULAR:
-        return 0.0
-    others = (1.0 - share) * math.log((1.0 - share) / (1.0 - chance)) if share < 1.0 else 0.0
-    return count * (share * math.log(share / chance) + others)
 
 
 def _repeats(changes: NDArray[np.intp], period: int, rows: int) -> Mask:

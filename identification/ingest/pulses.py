@@ -29,7 +29,7 @@ import numpy as np
 
 from identification.arrays import Array, Bool
 
-__all__ = ["Pulses", "find_pulses"]
+__all__ = ["Pulses", "find_pulses", "improbability"]
 
 _LEVEL: Final = 1e-4
 """Probability that a speed which is not from pulses counts as such."""
@@ -115,10 +115,18 @@ def _improbability(gaps: Array, values: Array, angle: float, interval: float) ->
     shifts = np.unique(np.linspace(1, gaps.size - 1, _SHIFTS).astype(int))
     others = [_agree(gaps, np.roll(values, k), angle, interval).mean() for k in shifts]
     chance = max(float(np.mean(others)), 1e-9)
-    if share < _REGULAR or share <= chance:
+    return improbability(share, gaps.size, chance) if share > _REGULAR else 0.0
+
+
+def improbability(share: float, count: int, chance: float) -> float:
+    """Least negative log probability that at least a share of `count` cases occurs by chance.
+
+    Each case occurs with the probability `chance`; the Chernoff bound on the binomial distribution.
+    """
+    if share <= chance:
         return 0.0
-    rest = (1.0 - share) * math.log((1.0 - share) / (1.0 - chance)) if share < 1.0 else 0.0
-    return gaps.size * (share * math.log(share / chance) + rest)
+    others = (1.0 - share) * math.log((1.0 - share) / (1.0 - chance)) if share < 1.0 else 0.0
+    return count * (share * math.log(share / chance) + others)
 
 
 def _agree(gaps: Array, values: Array, angle: float, interval: float) -> Bool:
