@@ -138,9 +138,9 @@ class MotorModel:
     def edges(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Samples at both ends of a record that depend on data outside it, for each channel.
 
-        At the start this is the longest delay, plus the longest average of a channel, or the
-        samples by which the voltage is read behind the log.  At the end it is the advance of the
-        voltage.
+        At the start this is the longest delay, plus the longest average and the memory of a digital
+        filter, or the samples by which the voltage is read behind the log.  At the end it is the
+        advance of the voltage.
         """
         first, last = [max(-self.advance, 0)] * 2, max(self.advance, 0)
         for term in self.delays:
@@ -149,6 +149,8 @@ class MotorModel:
                     first[k] = max(first[k], term.depth)
         for k, mean in self.averaged.items():
             first[k] += mean.intervals
+        for digital in self.sample_filters:
+            first[CHANNELS.index(digital.channel)] += digital.memory
         return (first[0], last), (first[1], last)
 
     def lag(self, term: AbstractDelay, parameter: Expression) -> Expression:
