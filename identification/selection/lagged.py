@@ -4,7 +4,7 @@ The nominal fit attributes the lag of a current filter to L.  A large L lags the
 that a filter of the speed hides in it too, and J, b and the friction are biased until both filters
 are in the model.  Each filter alone gains little or nothing, and an elastic shaft gains more.  A
 brush drop or friction that is not yet in the model can hide the filters, so that they are tried
-again after each effect.
+again after each effect beside which one of them is predicted to gain.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ def with_filters(trials: Trials, before: EvaluatedModel) -> EvaluatedModel:
     """
     fit, policy = before.fit, trials.policy
     left_out = {*trials.withheld, *(term.name for term in fit.simulator.model.terms)}
-    if {CurrentFilter.name, SpeedFilter.name} & left_out or not _is_slow(fit, policy):
+    filters = {CurrentFilter.name, SpeedFilter.name}
+    if filters & left_out or not _is_slow(fit, policy):
+        return before
+    if fit.simulator.model.terms and not _predicted(trials, before, filters):
         return before
     scales = scales_of(fit)
     of_current, of_speed = (law.candidates(scales)[0] for law in (CurrentFilter, SpeedFilter))
@@ -46,6 +49,13 @@ def with_filters(trials: Trials, before: EvaluatedModel) -> EvaluatedModel:
     model = trials.evaluate(trials.finished(best))
     is_accepted = trials.criteria(model, before).passed and not _is_slow(model.fit, policy)
     return model if is_accepted else before
+
+
+def _predicted(trials: Trials, model: EvaluatedModel, filters: set[str]) -> bool:
+    """True if a filter is predicted to gain; beside other effects, a large L hides none fully."""
+    least = trials.worth_a_refit(model)
+    scores = trials.scores(model)
+    return any(s.candidate.term.name in filters and s.gain > least for s in scores)
 
 
 def _is_slow(fit: Fit, policy: SelectionPolicy) -> bool:
