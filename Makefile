@@ -91,7 +91,7 @@ data: $(READY) ## regenerate the campaigns in data/ with the bench simulator
 # ---------------------------------------------------------------- checks
 
 .PHONY: test
-test: lint types imports spelling docstrings ## run all checks, then all tests (one process more than cores)
+test: lint types imports spelling docstrings ## run all checks, then all tests (one process per core)
 	$(BIN)/python -m pytest --numprocesses logical --dist loadfile --no-loadscope-reorder $(ARGS)
 
 .PHONY: check

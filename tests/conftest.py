@@ -39,11 +39,6 @@ LONG = (
 """Files that take more than half a minute."""
 
 
-def pytest_xdist_auto_num_workers() -> int:
-    """One process more than cores, since many tests wait for servers and timeouts."""
-    return (os.cpu_count() or 1) + 1
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the long files, so that no process works on one of them alone at the end."""
     items.sort(key=lambda item: not item.path.as_posix().endswith(LONG))

@@ -34,7 +34,8 @@ __all__ = ["Pulses", "find_pulses", "improbability"]
 _LEVEL: Final = 1e-4
 """Probability that a speed which is not from pulses counts as such."""
 _LONG: Final = 2.5
-"""Interval between changes, and period, above which an interval tells of the period [samples]."""
+"""Interval between changes that tells of a period, and period that tells of an interval, at least
+[samples]."""
 _REGULAR: Final = 0.9
 """Least fraction of the intervals that agree; the others are of pulses that were missed."""
 _QUANTILES: Final = (0.02, 0.1, 0.25, 0.5)
@@ -73,13 +74,13 @@ def find_pulses(time: Array, speed: Array) -> Pulses | None:
     interval = float(np.median(np.diff(time)))
     changes = 1 + np.flatnonzero(np.diff(speed))
     gaps, values = np.diff(time[changes]), np.abs(speed[changes[1:]])
-    used = (gaps > _LONG * interval) & (values > 0.0)
-    gaps, values = gaps[used], values[used]
-    if not gaps.size:
+    gaps, values = gaps[values > 0.0], values[values > 0.0]
+    is_long = gaps > _LONG * interval
+    if not is_long.any():
         return None
     angles = [
-        _refined(float(angle), gaps, values, interval)
-        for angle in np.quantile(gaps * values, _QUANTILES)
+        _refined(float(angle), gaps[is_long], values[is_long], interval)
+        for angle in np.quantile((gaps * values)[is_long], _QUANTILES)
     ]
     improbable, angle = max(
         (_improbability(gaps, values, angle, interval), angle) for angle in angles
@@ -105,7 +106,8 @@ def _refined(angle: float, gaps: Array, values: Array, interval: float) -> float
 def _improbability(gaps: Array, values: Array, angle: float, interval: float) -> float:
     """Least negative log probability that as many intervals agree with their values by chance.
 
-    Any interval is near a multiple of a period that is shorter than a few samples.
+    Updates with a shorter period than a few samples do not count, since any interval is near a
+    multiple of it.
     """
     slow = angle / values > _LONG * interval
     gaps, values = gaps[slow], values[slow]
@@ -113,8 +115,9 @@ def _improbability(gaps: Array, values: Array, angle: float, interval: float) ->
         return 0.0
     share = float(_agree(gaps, values, angle, interval).mean())
     shifts = np.unique(np.linspace(1, gaps.size - 1, _SHIFTS).astype(int))
-    others = [_agree(gaps, np.roll(values, k), angle, interval).mean() for k in shifts]
-    chance = max(float(np.mean(others)), 1e-9)
+    others = sum(_agree(gaps, np.roll(values, k), angle, interval).sum() for k in shifts)
+    # Laplace's rule of succession: of few pairs, none may agree although some could.
+    chance = float((others + 1) / (gaps.size * shifts.size + 2))
     return improbability(share, gaps.size, chance) if share > _REGULAR else 0.0
 
 

@@ -114,7 +114,7 @@ def add_three_files(walk: Walk, files: list[Path]) -> None:
     assert page.locator(".state.ready").count() == 2
     page.reload()
     assert page.input_value("#motor") == "servo"
-    assert page.locator("article.pending .uplot").first.is_visible()
+    page.locator("article.pending .uplot").first.wait_for()
     walk.check()
     scope = page.locator("article.pending", has_text="scope_of")
     select_when_replaced(scope, "Unit of voltage", "V")
