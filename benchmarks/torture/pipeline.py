@@ -21,7 +21,7 @@ QUICK, BURNS, HUNGRY, HUNGRY_ONCE, LARGE = range(5)
 """Seeds.  QUICK succeeds at once; BURNS computes for some seconds; HUNGRY requests memory until
 none is left, HUNGRY_ONCE only in its first attempt; LARGE writes a result of 8 MB."""
 
-BURN_S = 3.0
+BURN_S = 6.0
 """Duration of BURNS [s]."""
 
 _MEMORY = 600_000_000

@@ -29,6 +29,10 @@ _MOST: Final = 32
 """Sample intervals of the longest window."""
 _SHORTEST: Final = 1.2
 """Sample intervals of the shortest window; one interval is the law of `SpeedMean`."""
+_FASTEST: Final = 0.3
+_SLOWEST: Final = 300.0
+"""Time constants of a recursive filter over the sample interval: the fastest keeps 4 % of its last
+value, and the slowest is that of an analog filter."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +125,7 @@ class _Recursion(DigitalFilter, AbstractSampleFilter):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        fastest, slowest = 0.3 * self.interval, 300 * self.interval
+        fastest, slowest = _FASTEST * self.interval, _SLOWEST * self.interval
         return (shape("time_constant", "s", "time constant of the filter", fastest, slowest),)
 
     def filtered(

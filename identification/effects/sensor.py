@@ -1,4 +1,4 @@
-"""Sensor dynamics: time delays, low-pass filters, interval means, and the hold of the voltage."""
+"""Sensor dynamics: time delays, analog low-pass filters, and the hold of the voltage."""
 
 from __future__ import annotations
 

@@ -114,11 +114,13 @@ def _improbability(gaps: Array, values: Array, angle: float, interval: float) ->
     if gaps.size < 2:
         return 0.0
     share = float(_agree(gaps, values, angle, interval).mean())
+    if share < _REGULAR:
+        return 0.0
     shifts = np.unique(np.linspace(1, gaps.size - 1, _SHIFTS).astype(int))
     others = sum(_agree(gaps, np.roll(values, k), angle, interval).sum() for k in shifts)
     # Laplace's rule of succession: of few pairs, none may agree although some could.
     chance = float((others + 1) / (gaps.size * shifts.size + 2))
-    return improbability(share, gaps.size, chance) if share > _REGULAR else 0.0
+    return improbability(share, gaps.size, chance)
 
 
 def improbability(share: float, count: int, chance: float) -> float:

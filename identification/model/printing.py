@@ -176,7 +176,7 @@ def printed_equations(model: MotorModel) -> dict[str, str]:
 
 
 def _in_words(model: MotorModel) -> dict[str, str]:
-    """What the equations do not show: averages, filters of samples and delays, in sentences."""
+    """Sentences on averages, filters of samples and delays, which the equations omit."""
     equations = {}
     for mean in model.averaged.values():
         over = f"2 {mean.name}.time_constant" if mean.parameters else "the sample interval"

@@ -42,7 +42,7 @@ def logged(seed: int, weights: tuple[np.ndarray, np.ndarray], channel: int) -> R
 
 
 def outcome_of(weights: tuple[np.ndarray, np.ndarray], channel: int) -> Outcome:
-    """What the search ends with for two training runs and one validation run."""
+    """Outcome of the search on two training runs and one validation run."""
     runs = [logged(seed, weights, channel) for seed in (1, 2, 3)]
     campaign = campaign_of(runs[:2], runs[2:])
     return search(fit_declared(campaign.training, "zoh"), campaign)

@@ -70,18 +70,22 @@ def test_a_standstill_is_no_measurement() -> None:
     assert np.all(run.between_updates("speed_rad_s")[counted][1:] > 0.0)
 
 
-@pytest.mark.parametrize("kind", ["noisy", "coarse", "ramp", "sampled"])
+@pytest.mark.parametrize("kind", ["noisy", "coarse", "ramp", "sampled", "irregular", "paused"])
 def test_no_other_speed_is_from_pulses(kind: str) -> None:
-    """Noise, coarse steps of a smooth speed or a ramp, and updates at fixed times."""
+    """Noise, coarse steps of a smooth speed or a ramp, and updates at fixed or random times."""
     columns = motor()
     speed = columns["speed_rad_s"]
     smooth = pd.Series(speed).rolling(40, min_periods=1).mean().to_numpy()
+    at_random = np.random.default_rng(1).random(ROWS) < 0.2
     others = {
         "noisy": speed,
         "coarse": np.round(smooth / 5.0) * 5.0,
         "ramp": np.round(np.linspace(0.0, 80.0, ROWS)),
         "sampled": np.repeat(smooth[::10], 10)[:ROWS],
+        "irregular": smooth[np.maximum.accumulate(np.where(at_random, np.arange(ROWS), 0))],
+        "paused": np.round(speed),
     }
+    columns["time_s"] = columns["time_s"] + (kind == "paused") * (np.arange(ROWS) >= 100)
     assert read_run(pd.DataFrame({**columns, "speed_rad_s": others[kind]})).pulses is None
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bench import EffectRequest, make_campaign
+from identification.effects.electrical import BrushDrop
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
@@ -26,8 +27,11 @@ R, K, L, J, B, FILTER, STEP, ROWS = 4.2, 0.018, 3e-3, 2.5e-6, 8e-6, 10e-3, 1e-3,
 SPEED_FILTER = 5e-3
 
 
-def filtered_run(speed_filter: float = 0.0, seed: int = 5) -> Run:
-    """Steps of a small motor in both directions, the current through a filter."""
+def filtered_run(speed_filter: float = 0.0, seed: int = 5, drop: float = 0.0) -> Run:
+    """Steps of a small motor in both directions, the current through a filter.
+
+    A bridge takes the voltage `drop` [V] against the current.
+    """
     rng = np.random.default_rng(seed)
     voltage = np.repeat(rng.uniform(-12.0, 12.0, ROWS // 150), 150)
     i, w, shown, turning = 0.0, 0.0, 0.0, 0.0
@@ -35,7 +39,7 @@ def filtered_run(speed_filter: float = 0.0, seed: int = 5) -> Run:
     for k in range(ROWS):
         current[k], speed[k] = shown, turning if speed_filter else w
         for _ in range(20):
-            i += STEP / 20 / L * (voltage[k] - R * i - K * w)
+            i += STEP / 20 / L * (voltage[k] - R * i - K * w - drop * np.tanh(i / 0.05))
             w += STEP / 20 / J * (K * i - B * w)
             shown += (i - shown) * STEP / 20 / FILTER
             turning += (w - turning) * STEP / 20 / (speed_filter or FILTER)
@@ -132,3 +136,22 @@ def test_the_selection_starts_at_the_nominal_model_if_a_filter_is_withheld(
     nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
 
     assert with_filters(trials, nominal) is nominal
+
+
+def test_both_filters_are_found_beside_the_brush_drop_that_hid_them() -> None:
+    """The nominal model cannot take the filters; the model with the drop can."""
+    runs = [filtered_run(SPEED_FILTER, seed, drop=1.8) for seed in (5, 6, 7)]
+    campaign = campaign_of(runs[:2], runs[2:])
+    trials = Trials(campaign)
+    nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
+    (candidate,) = BrushDrop.candidates(scales_of(nominal.fit))
+    starts = [Start(own) for own in candidate.starts.T]
+    beside = trials.evaluate(refit.fitted_candidate(nominal.fit, candidate, starts))
+
+    found = with_filters(trials, beside).fit
+
+    assert with_filters(trials, nominal) is nominal
+    assert beside.fit.by_name["L"] > 5.0 * L
+    names = {term.name for term in found.simulator.model.terms}
+    assert names == {"brush_drop", "current_filter", "speed_filter"}
+    assert found.by_name["L"] == pytest.approx(L, rel=0.3)

@@ -52,7 +52,7 @@ def geared(voltage: np.ndarray, degrees: float, friction: float) -> np.ndarray:
 
 
 def outcome_of(friction: float) -> Outcome:
-    """What the search ends with for four runs with steps of the voltage in both directions."""
+    """Outcome of the search on four runs with steps of the voltage in both directions."""
     rng = np.random.default_rng(5)
     time = SERVO.interval * np.arange(ROWS, dtype=np.float64)
     runs = []
