@@ -87,14 +87,16 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
 def voltage_noise_power(fit: Fit) -> Array:
     """Mean square noise of current and speed that noise of the voltage causes, (2,) [A^2, ...].
 
-    The noise is that which smoothing leaves in the voltage; zero for a voltage as logged.
+    The noise is that which smoothing leaves in the voltage; zero for a voltage as logged.  What it
+    causes is whitened as the residuals of the fit.
     """
     records = fit.simulator.records
     if all(record.voltage_noise is None for record in records):
         return np.zeros(2)
     noisy = tuple(record.with_voltage_noise() for record in records)
     changed = replace(fit.simulator, records=noisy).logged(fit.values[:, None], fit.states)
-    changes = [a[:, :, 0] - b for a, b in zip(changed, fit.simulated(), strict=True)]
+    pairs = zip(changed, fit.simulated(), strict=True)
+    changes = [fit.weighting.both_whitened(after[:, :, 0] - before) for after, before in pairs]
     return squares_of(records, changes) / np.maximum(fit.weighting.counts, 1.0)
 
 

@@ -90,7 +90,7 @@ def _whitened(fit: Fit, latest: Fit, weighting: Weighting) -> Fit:
     over many steps.  The simulation error is therefore checked every few steps.  If the refit does
     not converge, a converged `fit` is kept.
     """
-    plain = replace(fit.weighting, robust=weighting.robust)
+    plain = weighting.unwhitened
     most = _tolerated_rise(fit) * plain.sums_of_squares(fit.residuals())
     changed = replace(latest, weighting=weighting)
     for _ in range(_LEGS):

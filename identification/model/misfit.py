@@ -62,43 +62,47 @@ class MisfitLoop:
 def misfit_loop(
     model: MotorModel,
     plan: StepPlan,
-    whitening: tuple[tuple[float, ...], ...],
+    orders: tuple[int, ...],
     *,
     weighted: bool,
     interpolated: bool,
     divided: bool = False,
 ) -> MisfitLoop:
-    """Compile the misfit loop for the taps of the whitening filter of each channel.
+    """Compile the misfit loop for the order of the whitening filter of each channel.
 
-    The transition is interpolated for the nominal model only; `weighted` says whether samples have
-    weights, `divided` whether sample intervals have substeps.
+    The taps of the filters, without the first, which is 1, follow the parameters.  The transition
+    is interpolated for the nominal model only; `weighted` says whether samples have weights,
+    `divided` whether sample intervals have substeps.
     """
     columns, advancing, prepare = _reduced(model, plan, interpolated)
     x = ca.SX.sym("x", advancing.numel_in(0))
     u, p = ca.SX.sym("u", len(columns)), ca.SX.sym("p", advancing.numel_in(2))
+    taps = [ca.SX.sym("c", order) for order in orders]
     measured, weight, sums = (ca.SX.sym(name, 2) for name in ("y", "w", "s"))
     is_sample = ca.SX.sym("is_sample")
     following, logged = advancing(x, u, p)
     carried, ends, total = [x, sums], [], []
-    for channel, taps in enumerate(whitening):
-        past = ca.SX.sym("e", len(taps) - 1)
+    for channel, order in enumerate(orders):
+        past = ca.SX.sym("e", order)
         now = ca.vertcat(measured[channel] - logged[channel], past)
-        white = ca.dot(ca.DM(list(taps)), now)
+        white = now[0] + ca.dot(taps[channel], past)
         counted = weight[channel] * white * white if weighted else white * white
         total.append(sums[channel] + (is_sample * counted if divided else counted))
         carried.append(past)
-        shifted = ca.vertcat(*[now[lag] for lag in range(len(taps) - 1)])
+        shifted = ca.vertcat(*[now[lag] for lag in range(order)])
         ends.append(ca.if_else(is_sample > 0.5, shifted, past) if divided else shifted)
     row = ca.vertcat(u, measured, weight) if weighted else ca.vertcat(u, measured)
     row = ca.vertcat(row, is_sample) if divided else row
-    nothing = ca.SX(0, 1)
+    nothing, both = ca.SX(0, 1), ca.vertcat(p, *taps)
     step = ca.Function(
-        "misfit", [ca.vertcat(*carried), row, p], [ca.vertcat(following, *total, *ends), nothing]
+        "misfit", [ca.vertcat(*carried), row, both], [ca.vertcat(following, *total, *ends), nothing]
     )
     wide: ca.Function | None = None
     if prepare is not None:
         own = ca.SX.sym("p", prepare.numel_in(2))
-        wide = ca.Function("prepare", [nothing, row, own], list(prepare(nothing, u, own)))
+        _, prepared = prepare(nothing, u, own)
+        given, passed = ca.vertcat(own, *taps), ca.vertcat(prepared, *taps)
+        wide = ca.Function("prepare", [nothing, row, given], [nothing, passed])
     return MisfitLoop(scan_of(step, wide), columns, weighted)
 
 

@@ -269,7 +269,9 @@ class Simulator:
         starts = self.carries(states, values.shape[1])
         own = starts[0].shape[0]
         sums = np.zeros((loop.scan.n_carry - own, values.shape[1]))
-        finals, _ = loop.scan(rows, values, [np.concatenate([x, sums]) for x in starts])
+        taps = np.concatenate([each[1:] for each in weighting.whitening])
+        both = np.concatenate([values, np.repeat(taps[:, None], values.shape[1], axis=1)])
+        finals, _ = loop.scan(rows, both, [np.concatenate([x, sums]) for x in starts])
         return np.asarray(np.sum([f[own : own + 2] for f in finals], axis=0))
 
     def misfit_work(self, lanes: int, weighting: Weighting) -> float:
@@ -301,7 +303,7 @@ class Simulator:
         loop = misfit_loop(
             self.model,
             self.plan,
-            tuple(tuple(float(tap) for tap in taps) for taps in weighting.whitening),
+            tuple(taps.size - 1 for taps in weighting.whitening),
             weighted=any(np.any(weight != 1.0) for weight in weights),
             interpolated=is_plain and all(is_slow(record) for record in self.records),
             divided=self.substeps is not None,

@@ -60,6 +60,15 @@ class Weighting:
         taps = self.whitening[channel]
         return series if taps.size == 1 else signal.lfilter(taps, [1.0], series, axis=0)
 
+    @property
+    def unwhitened(self) -> Weighting:
+        """The noise model with independent errors."""
+        return replace(self, whitening=(np.ones(1), np.ones(1)))
+
+    def both_whitened(self, series: Array) -> Array:
+        """Apply the whitening filters to a series of both channels, (n_sample, 2, ...)."""
+        return np.stack([self.whitened(series[:, channel], channel) for channel in range(2)], 1)
+
     def sample_weights(self, k: int) -> Array:
         """Weights of the samples of record `k` before division by the variance, (n_sample, 2)."""
         weight = self.records[k].weight

@@ -60,7 +60,7 @@ UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equat
 
 @dataclass(frozen=True)
 class ValidationErrors:
-    """Simulation errors of a model on the validation runs."""
+    """Simulation errors of a model on the validation runs, whitened if its noise is."""
 
     square: Array
     """(2,) mean square error, infinite if the simulation diverges [A^2, rad^2/s^2]."""
@@ -80,8 +80,8 @@ class EvaluatedModel:
     unseen: ValidationErrors | None = None
     """Errors on the validation runs; None without such runs."""
     noise: Array = field(default_factory=lambda: np.zeros(2))
-    """(2,) mean square of current and speed that the noise of the voltage causes in the simulation
-    [A^2, rad^2/s^2]."""
+    """(2,) mean square of current and speed that the noise of the voltage causes in the simulation,
+    whitened as the residuals [A^2, rad^2/s^2]."""
 
     def at_equal_noise(self, other: EvaluatedModel) -> EvaluatedModel:
         """The model with the squares that it had if it passed as much noise as the other model."""
@@ -264,8 +264,9 @@ def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
     simulated = simulate_unseen(fit, campaign.validation, whole=own)
     total, fourth, count = np.zeros(2), np.zeros(2), np.zeros(2)
     for s in simulated:
-        total += np.sum(s.record.weight * s.residual**2, axis=0)
-        fourth += np.sum(s.record.weight * s.residual**4, axis=0)
+        residual = fit.weighting.both_whitened(s.residual)
+        total += np.sum(s.record.weight * residual**2, axis=0)
+        fourth += np.sum(s.record.weight * residual**4, axis=0)
         count += s.record.weight.sum(axis=0)
     many = np.maximum(count, 1.0)
     square = np.nan_to_num(total / many, nan=np.inf)

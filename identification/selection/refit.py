@@ -191,6 +191,7 @@ def _refitted(
         Weighting.white([record.within(model.edges) for record in fit.simulator.records]),
         deviation=fit.weighting.deviation,
         robust=fit.weighting.robust,
+        whitening=fit.weighting.whitening,
     )
     names = {term.name for term in fit.simulator.model.terms}
     is_untracked = any(term.tracked for term in model.terms if term.name not in names)

@@ -242,17 +242,18 @@ def _scores_in_blocks(
     The initial amplitudes of a record are those of its most informative block.
     """
     group, count = candidate.joint, len(candidate.final.parameters)
-    deviation, records = residual.fit.weighting.deviation, residual.fit.simulator.records
-    scores = []
+    weighting, records = residual.fit.weighting, residual.fit.simulator.records
+    deviation, scores = weighting.deviation, []
     for first in range(0, candidate.lanes, group):
         span = slice(first, first + group)
         order, total, own = float(candidate.starts[0, first]), 0.0, []
-        for record, part, series in zip(records, deviations, residual.series, strict=True):
-            edges = block_edges(record, order, float(deviation[1]))
-            scaled = part[:, :, span] / deviation[:, None]
-            blocks = block_products(scaled, series / deviation, record.weight, edges)
+        for k, (part, series) in enumerate(zip(deviations, residual.series, strict=True)):
+            edges = block_edges(records[k], order, float(deviation[1]))
+            scaled = weighting.both_whitened(part[:, :, span]) / deviation[:, None]
+            left = weighting.both_whitened(series) / deviation
+            blocks = block_products(scaled, left, weighting.sample_weights(k), edges)
             gains, weights = gains_of(*blocks)
-            penalty = 0.5 * group * (gains.size - 1) * np.log(record.rows / gains.size)
+            penalty = 0.5 * group * (gains.size - 1) * np.log(records[k].rows / gains.size)
             total += float(np.nansum(gains)) - penalty
             best = int(np.argmax(np.trace(blocks[0], axis1=1, axis2=2)))
             own.append(candidate.starts[count:, span] @ weights[best])

@@ -11,7 +11,7 @@
      7      M <- filters as in 1, then extended variants and rival laws
             that are accepted                                         steps.enrich
      8      C <- nominal model with the best curve, if curves predict
-                more than the effects do and the residual has structure   _fit_curve
+                more than the effects do and the residual has structure   fit_curve
      9          C fits far better than M: leave the loop
     10      unless a candidate predicts more than the last effect did:
     11          remove effects that no longer meet the criteria           steps.backward
@@ -19,7 +19,7 @@
     13  if exhausted and the residual has structure: repeat 2 to 7 from
             the runner-up models of round 1, keep the better model        _restart
     14  M <- C if it ranks and predicts better; otherwise, if exhausted,
-            M <- M with a curve that meets the criteria, then 11 and 12   _add_curve
+            M <- M with a curve that meets the criteria, then 11 and 12   add_curve
     15  replace effects by types that rank better in evaluated models     _effects_of
 
 The acceptance criteria are in `evidence.py`, their limits in `policy.py`.
@@ -31,26 +31,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
+from typing import Literal
 
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
+from identification.selection.curves import (
+    add_curve,
+    fit_curve,
+    has_structure,
+    is_curve_due,
+    is_far_better,
+)
 from identification.selection.evidence import (
     EvaluatedModel,
-    is_at_bound,
     is_better,
     probabilities,
     ranked,
-    replaces,
     scores_of,
 )
 from identification.selection.lagged import with_filters
+from identification.selection.noise_model import under_noise_model, with_ordinary_noise
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import with_known_amplitudes
-from identification.selection.score import Score
 from identification.selection.steps import (
     State,
-    accept,
     admissible,
     backward,
     enrich,
@@ -66,6 +71,10 @@ from identification.selection.trials import Trials
 from identification.work import Budget, operations
 
 __all__ = ["search"]
+
+_End = Literal["exhausted", "cut short", "replaced", "all rounds"]
+"""Why the rounds ended: no candidate is accepted, the budget of the catalogue is spent, a curve
+fits far better, or the largest number of rounds is reached."""
 
 
 def search(
@@ -94,40 +103,54 @@ def search(
     nominal = trials.evaluate(declared)
     first = with_filters(trials, nominal) if begin is None else trials.evaluate(begin)
     state = State(trials, nominal, first)
-    is_exhausted = is_cut_short = is_postponed = False
     if begin is not None:
         enrich(state)
-    for done in range(policy.rounds):
-        report(done / (policy.rounds + 2))
+    end = _rounds(state, listed, report, is_new=begin is None)
+    report(policy.rounds / (policy.rounds + 2))
+    if end == "exhausted" and not listed.spent:
+        _restart(state)
+    is_complete = not _is_overrun(trials) and end != "cut short"
+    add_curve(state, is_exhausted=end == "exhausted")
+    report((policy.rounds + 1) / (policy.rounds + 2))
+    again = under_noise_model(state) if end == "exhausted" and not listed.spent else None
+    if again is not None:
+        state = again
+        enrich(state)
+        end = _rounds(state, listed, lambda fraction: None, is_new=False)
+        add_curve(state, is_exhausted=end == "exhausted")
+    is_complete &= not budget.spent and end != "cut short"
+    effects = tuple(_effects_of(state))
+    traces = traced(trials.curves(nominal)) if effects else ()
+    final = state.current.fit if is_part else state.trials.final(state.current)
+    fit = with_known_amplitudes(with_ordinary_noise(final))
+    omitted = state.trials.omitted(state.current)
+    is_scored = bool(state.trials.scores(state.current) or state.trials.curves(state.current))
+    return Outcome(fit, effects, tuple(state.searched), is_complete, traces, omitted, is_scored)
+
+
+def _rounds(state: State, listed: Budget, report: Callable[[float], None], *, is_new: bool) -> _End:
+    """Lines 2 to 12 of the algorithm; the first round of a new model removes nothing."""
+    trials, is_postponed = state.trials, False
+    for done in range(trials.policy.rounds):
+        report(done / (trials.policy.rounds + 2))
         if listed.spent:
-            is_cut_short = has_predicted_gain(state)
-            is_exhausted = not is_cut_short
+            if has_predicted_gain(state):
+                return "cut short"
             break
         began = operations()
         if not forward(state):
-            is_exhausted = True
             break
-        _refunded(began, listed, budget)
-        is_first = done == 0 and begin is None
+        _refunded(began, listed, trials.budget)
+        is_first = done == 0 and is_new
         is_replaced, is_postponed = _consolidate(state, listed, is_first=is_first)
         if is_replaced:
-            break
-    if is_exhausted and is_postponed:
+            return "replaced"
+    else:
+        return "all rounds"
+    if is_postponed:
         backward(state)
         exchange(state)
-    report(policy.rounds / (policy.rounds + 2))
-    if is_exhausted and not listed.spent:
-        _restart(state)
-    is_cut_short |= _is_overrun(trials)
-    _add_curve(state, is_exhausted=is_exhausted)
-    report((policy.rounds + 1) / (policy.rounds + 2))
-    is_complete = not (trials.budget.spent or is_cut_short)
-    effects = tuple(_effects_of(state))
-    traces = traced(trials.curves(nominal)) if effects else ()
-    fit = with_known_amplitudes(state.current.fit if is_part else trials.final(state.current))
-    omitted = trials.omitted(state.current)
-    is_scored = bool(trials.scores(state.current) or trials.curves(state.current))
-    return Outcome(fit, effects, tuple(state.searched), is_complete, traces, omitted, is_scored)
+    return "exhausted"
 
 
 def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool, bool]:
@@ -141,11 +164,11 @@ def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool,
     state.current = with_filters(state.trials, state.current)
     enrich(state)
     began = _refunded(began, listed, budget)
-    if state.curve is None and _is_curve_due(state):
-        _fit_curve(state)
+    if state.curve is None and is_curve_due(state):
+        fit_curve(state)
         # A curve is not in the catalogue, so its cost is not charged to the catalogue's budget.
         began = _refunded(began, listed)
-    if state.curve is not None and _is_far_better(state, state.curve):
+    if state.curve is not None and is_far_better(state, state.curve):
         return True, False
     if is_first or lacks_more(state):
         return False, not is_first
@@ -181,7 +204,7 @@ def _restart(state: State) -> None:
     first, the Stribeck friction still has a predicted gain.
     """
     trials = state.trials
-    if not state.current.fit.simulator.model.terms or not _has_structure(state):
+    if not state.current.fit.simulator.model.terms or not has_structure(state):
         return
     for runner_up in trials.runners_up()[: trials.policy.runners]:
         if trials.budget.spent:
@@ -194,107 +217,6 @@ def _restart(state: State) -> None:
         if other.current is not runner_up and is_better(other.current, state.current):
             state.current = other.current
             backward(state)
-
-
-def _has_structure(state: State) -> bool:
-    """True if a curve would still gain, or an effect has a shape parameter at its bound.
-
-    A correlated residual is coloured noise or structure; here it counts as structure.
-    """
-    if _curves_worth_a_refit(state.trials, replace(state.current, fraction=1.0)):
-        return True
-    return is_at_bound(state.current.fit, state.trials.policy)
-
-
-def _curves_worth_a_refit(trials: Trials, current: EvaluatedModel) -> list[Score]:
-    """Curves with a predicted gain, given the current model, that justifies a refit.
-
-    A curve has no shape parameters, so its gain is underestimated less than that of an effect.
-    """
-    factor, records = trials.policy.curve_underestimate, len(current.fit.states)
-    return [
-        score
-        for score in trials.curves(current)
-        if score.gain > trials.worth_a_refit(current, factor, score.unknowns(records))
-    ]
-
-
-def _largest_gain(scores: list[Score]) -> float:
-    return max((score.gain for score in scores), default=0.0)
-
-
-def _is_curve_due(state: State) -> bool:
-    """Whether to fit a curve to the nominal model alone before the next round.
-
-    If effects predict at least half of the gain that curves predict, an effect is refitted first,
-    which is cheaper.  Otherwise, in round 1, a curve has to predict more than the accepted effect
-    did; in later rounds, a curve has to justify a refit.
-    """
-    trials = state.trials
-    by_curve = _largest_gain(trials.curves(state.current))
-    if _largest_gain(trials.scores(state.current)) >= trials.policy.curve_share * by_curve:
-        return False
-    if state.round > 1:
-        return bool(_curves_worth_a_refit(trials, state.current))
-    return by_curve > state.predicted_gain
-
-
-def _fit_curve(state: State) -> None:
-    """Fit the best curve to the nominal model alone if the effects leave structured residuals.
-
-    If the missing effect is not in the catalogue, the search accumulates surrogates.  A curve that
-    fits better than two of them stops this.  A law with a grid of starting points is fitted in any
-    case: its score is no prediction of what another point of the grid gains.
-    """
-    trials, nominal = state.trials, state.nominal
-    if trials.budget.spent or not _has_structure(state):
-        return
-    scores = trials.curves(nominal)
-    curves = scores[: trials.policy.curves]
-    curves += [score for score in scores[len(curves) :] if score.candidate.tried is not None]
-    limit = trials.abandon_cost(state.current, nominal)
-    state.curve = accept(State(trials, nominal, nominal), curves, limit)
-
-
-def _is_far_better(state: State, curve: EvaluatedModel) -> bool:
-    """Whether a curve fits so much better than the effects that further rounds would not help.
-
-    After one effect, it has to gain three times as much, and no second effect may be predicted to
-    gain most of the difference: two effects of the catalogue can be confounded with one curve in
-    two signals.
-    """
-    policy, current = state.trials.policy, state.current
-    if state.round > 1:
-        return replaces(curve, current, policy)
-    of_curve, of_effect = (state.nominal.fit.cost - one.fit.cost for one in (curve, current))
-    if not (is_better(curve, current) and of_curve > policy.curve_factor * of_effect):
-        return False
-    predicted = _largest_gain(state.trials.scores(current))
-    return predicted <= policy.curve_share * (current.fit.cost - curve.fit.cost)
-
-
-def _add_curve(state: State, *, is_exhausted: bool) -> None:
-    """Replace the effects by a curve, or add a curve to them, if the curve is accepted.
-
-    If the residual has structure, or an effect has a shape parameter at its bound, all effects may
-    be surrogates; a curve alone is tried first.  A curve in addition to the effects is tried only
-    if the catalogue is exhausted.  Backward elimination and exchange then test the effects and the
-    curve again.  A model with an unlisted term gets no second one.
-    """
-    trials, listed = state.trials, state.current
-    curves = [] if trials.budget.spent else _curves_worth_a_refit(trials, listed)
-    if state.curve is None and listed is not state.nominal:
-        _fit_curve(state)
-    if state.curve is not None and replaces(state.curve, listed, trials.policy):
-        state.current = state.curve
-        return
-    has_curve = any(term.name == "unlisted" for term in listed.fit.simulator.model.terms)
-    if curves and is_exhausted and not has_curve:
-        accepted = accept(state, curves[: trials.policy.curves])
-        if accepted is not None:
-            state.current = accepted
-            backward(state)
-            exchange(state)
 
 
 def _effects_of(state: State) -> list[Found]:

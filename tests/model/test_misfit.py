@@ -111,7 +111,7 @@ def test_masked_samples_do_not_count_in_an_interpolated_loop() -> None:
 def test_only_required_input_columns_are_read() -> None:
     """ZOH needs interval, voltage and both temperatures; FOH also needs the next voltage."""
     plan = Simulator.fitting(MotorModel(), records_of([warming(SERVO, 50)]), SERVO.vector).plan
-    white = ((1.0,), (1.0,))
+    white = (0, 0)
 
     held = misfit_loop(MotorModel(), plan, white, weighted=False, interpolated=False)
     linear = misfit_loop(MotorModel(hold="foh"), plan, white, weighted=True, interpolated=False)

@@ -1,0 +1,83 @@
+"""Selection in coloured and heavy-tailed noise: the noise model of the residual decides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from bench import EffectRequest, Noise, make_campaign
+from identification.fit.campaign import Campaign
+from identification.fit.declared import fit_declared
+from identification.fit.noise import with_noise_model
+from identification.selection.noise_model import under_noise_model, with_ordinary_noise
+from identification.selection.outcome import Outcome
+from identification.selection.search import search
+from identification.selection.steps import State
+from identification.selection.trials import Trials
+from tests.effects.hidden import records_of_bench
+
+SEED, ROWS, RUNS = 2, 1500, 2
+WHITE, COLOURED, SPIKY = Noise(kind="white"), Noise(kind="coloured"), Noise(kind="spiky")
+
+
+def campaign_with(noise: Noise, effects: Sequence[EffectRequest] = ()) -> Campaign:
+    """Runs of a servo motor with effects and one kind of noise, and one for validation."""
+    measured = make_campaign(
+        "servo_150w", effects, seed=SEED, rows=ROWS, training=RUNS, validation=1, noise=noise
+    )
+    return records_of_bench(measured)
+
+
+def outcome_of(campaign: Campaign) -> Outcome:
+    """Outcome of the search."""
+    return search(fit_declared(campaign.training, "zoh"), campaign)
+
+
+def test_a_filter_is_told_from_a_delay_in_coloured_noise() -> None:
+    """Known: a time constant of one interval.
+
+    Slow noise changes little between two samples, so that the edge of a filter stands out in it.
+    """
+    outcome = outcome_of(campaign_with(COLOURED, [EffectRequest("speed_filter", 0.1)]))
+
+    (effect,) = outcome.effects
+    assert effect.name == "speed_filter"
+    assert effect.probability > 0.99
+
+
+@pytest.mark.parametrize("noise", [COLOURED, SPIKY])
+def test_noise_adds_no_effect_and_the_result_has_ordinary_noise(noise: Noise) -> None:
+    """The noise model of the result is that of independent normal errors, as without an effect."""
+    outcome = outcome_of(campaign_with(noise))
+
+    assert outcome.effects == ()
+    assert outcome.fit.weighting.order == 0
+    assert outcome.fit.weighting.robust is None
+
+
+def test_the_search_goes_on_under_the_noise_model_of_the_residual() -> None:
+    """White noise needs none; that of coloured noise has a filter, and so has the nominal model."""
+    found = {}
+    for noise in (WHITE, COLOURED):
+        campaign = campaign_with(noise)
+        trials = Trials(campaign)
+        nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
+        found[noise.kind] = under_noise_model(State(trials, nominal, nominal))
+
+    assert found["white"] is None
+    state = found["coloured"]
+    assert state is not None
+    assert state.nominal.fit.weighting.order > 0
+    assert state.current.fraction > 0.9
+
+
+def test_an_ordinary_fit_from_a_whitened_one_is_the_ordinary_fit() -> None:
+    """Both are the optimum of the same likelihood, reached from two sides."""
+    ordinary = fit_declared(campaign_with(COLOURED).training, "zoh")
+
+    again = with_ordinary_noise(with_noise_model(ordinary))
+
+    assert again.cost == pytest.approx(ordinary.cost, abs=1e-2)
+    np.testing.assert_allclose(again.position, ordinary.position, atol=0.05)
