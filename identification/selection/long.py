@@ -20,6 +20,7 @@ import numpy as np
 
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
+from identification.selection.omitted import removal_steps
 from identification.selection.outcome import Found, Outcome
 from identification.selection.policy import DEFAULT
 from identification.selection.refit import with_known_amplitudes
@@ -86,10 +87,9 @@ def _confirmed(declared: Fit, found: Outcome, trials: Trials) -> tuple[Fit, tupl
         simpler = trials.without(current, term)
         criteria = trials.criteria(current, simpler)
         if criteria.passed:
-            is_undecided, removal = trials.removal(current, simpler)
-            kept.append(
-                replace(effect, criteria=criteria, is_undecided=is_undecided, removal=removal)
-            )
+            is_open = current.is_undecided(simpler.fit)
+            removal = removal_steps(current.fit, simpler.fit)
+            kept.append(replace(effect, criteria=criteria, is_undecided=is_open, removal=removal))
         else:
             current = simpler
     return with_known_amplitudes(trials.final(current)), tuple(

@@ -9,19 +9,41 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.effects.effect import Candidate
+from identification.effects.effect import AbstractEffect, Candidate, effects_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import Fit
 from identification.model.term import AbstractHold
 from identification.selection.start import Along, Start
 
-__all__ = ["Score", "gathered", "recurring", "sized", "with_fitted_hold"]
+__all__ = [
+    "Score",
+    "Key",
+    "gathered",
+    "recurring",
+    "sized",
+    "structure_of",
+    "key_of",
+    "with_fitted_hold",
+]
+
+Key = frozenset[tuple[str, str]]
+"""Effect types and variants of a model, by which its fit is known."""
 
 _OTHERS: Final = 5
 """Further starting points per structure at most, besides the best."""
 _AGREES: Final = 3.0
 """Gain of the log likelihood that a run has to add, for odds of twenty to one that the event
 occurred in it too."""
+
+
+def structure_of(term: AbstractEffect) -> tuple[str, str]:
+    """Type and variant of an effect."""
+    return term.name, term.variant
+
+
+def key_of(fit: Fit) -> Key:
+    """Types and variants of the effects of a fit."""
+    return frozenset(structure_of(term) for term in effects_of(fit.simulator.model.terms))
 
 
 @dataclass(frozen=True)
@@ -53,7 +75,7 @@ class Score:
     @property
     def structure(self) -> tuple[str, str]:
         """Effect type and variant."""
-        return self.candidate.term.name, self.candidate.final.variant
+        return structure_of(self.candidate.final)
 
     @property
     def starts(self) -> tuple[Start, ...]:

@@ -51,6 +51,7 @@ from identification.selection.evidence import (
 )
 from identification.selection.lagged import with_filters
 from identification.selection.noise_model import under_noise_model, with_ordinary_noise
+from identification.selection.omitted import removal_steps
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import with_known_amplitudes
@@ -255,7 +256,8 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
         names = (rival.effects_added_to(simpler)[0].name for rival in rivals)
         rated = zip(names, odds, rivals, strict=True)
         alternatives = _alternatives(rated, trials.policy.reported_probability)
-        is_open, removal = trials.removal(current, simpler)
+        is_open = current.is_undecided(simpler.fit)
+        removal = removal_steps(current.fit, simpler.fit)
         effects.append(Found(term.name, share, criteria, alternatives, 0.0, is_open, removal))
     return sorted(effects, key=lambda effect: -effect.criteria.gain), better
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identification.effects.effect import AbstractEffect, effects_of
+from identification.effects.effect import AbstractEffect
 from identification.fit.campaign import Campaign
 from identification.fit.effective_samples import effective_fraction
 from identification.fit.order_tracking import is_tracked
@@ -22,7 +22,7 @@ from identification.model.term import AbstractTerm
 from identification.selection.candidates import candidates_of, without_shared
 from identification.selection.criteria import AcceptanceCriteria, by_chance
 from identification.selection.evidence import EvaluatedModel, evaluated
-from identification.selection.omitted import OmittedTerm, omitted_terms, removal_steps
+from identification.selection.omitted import OmittedTerm, omitted_terms
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import (
     fitted_candidate,
@@ -31,15 +31,13 @@ from identification.selection.refit import (
     refitted_from_parts,
     refitted_without,
 )
-from identification.selection.score import Score, with_fitted_hold
+from identification.selection.score import Key, Score, key_of, structure_of, with_fitted_hold
 from identification.selection.screen import screened
 from identification.selection.start import Start
 from identification.selection.tracing import missing_curves
 from identification.work import Budget, operations
 
 __all__ = ["Trials"]
-
-Key = frozenset[tuple[str, str]]
 
 
 @dataclass
@@ -83,39 +81,52 @@ class Trials:
     def evaluate(self, fit: Fit, fraction: float | None = None) -> EvaluatedModel:
         """Evaluate a fit on the validation runs; one result per model structure is cached.
 
-        A later fit replaces the cached one if its cost is lower by more than 0.001.  The effective
-        sample fraction [-] is computed from the residual of the fit if None.
+        A later fit replaces the cached one if its cost is lower by more than 0.001, and its scores
+        if by more than a tie.  The effective sample fraction [-] is computed from the residual of
+        the fit if None.
         """
-        key = _key(fit)
+        key = key_of(fit)
         known = self._evaluated.get(key)
         if known is None and not np.isfinite(fit.cost):
             # The simulation diverges; it is never selected, and a term that stabilises it is kept.
             known = self._evaluated[key] = EvaluatedModel(fit.light(), 1.0)
         elif known is None or fit.cost < known.fit.cost - 1e-3:
             fraction = effective_fraction(fit) if fraction is None else fraction
+            if known is not None and fit.cost < known.fit.cost - self.policy.tie:
+                self._scores.pop(key, None)
+                self._curves.pop(key, None)
             known = self._evaluated[key] = evaluated(fit.light(), self.campaign, fraction)
             if key in self._fits and known.fit.cost < self._fits[key].cost:
                 self._fits[key] = known.fit
         return known
 
-    def is_due(self, model: EvaluatedModel, start: EvaluatedModel) -> bool:
-        """Whether to repeat an unfinished fit from the optimum of another model; True once."""
-        keys = _key(model.fit), _key(start.fit)
-        is_due = not (model.fit.converged or keys in self._retried)
+    def is_due(
+        self, model: EvaluatedModel, start: EvaluatedModel, removed: AbstractTerm | None = None
+    ) -> bool:
+        """True, once, if a fit is to be repeated from the optimum of another model.
+
+        It has not converged, or it costs more than that optimum with a term removed.
+        """
+        keys = key_of(model.fit), key_of(start.fit)
+        if keys in self._retried:
+            return False
         self._retried.add(keys)
-        return is_due
+        if removed is None or not model.fit.converged:
+            return not model.fit.converged
+        begin = refitted_without(start.fit, removed.name, TerminationLimits(0))
+        return begin.cost < model.fit.cost - self.policy.tie
 
     def without(self, current: EvaluatedModel, term: AbstractTerm) -> EvaluatedModel:
         """Model without one of its terms.
 
-        A cached fit that has not converged is repeated from the current optimum: the removed term
-        may only have helped the optimiser.  A fit that decides nothing is repeated from the nominal
+        A cached fit that is due is repeated from the current optimum: the removed term may only
+        have helped the optimiser.  A fit that decides nothing is repeated from the nominal
         parameters, which have absorbed nothing of the other terms.
         """
-        key = frozenset(name for name in _key(current.fit) if name[0] != term.name)
+        key = frozenset(name for name in key_of(current.fit) if name[0] != term.name)
         known = self._evaluated.get(key)
-        if known is None or self.is_due(known, current):
-            self._retried.add((key, _key(current.fit)))
+        if known is None or self.is_due(known, current, term):
+            self._retried.add((key, key_of(current.fit)))
             limits = self.limits(reference=current.fit.cost)
             if limits.over:
                 # The effect would be judged by the budget and not by the runs.
@@ -135,16 +146,10 @@ class Trials:
             known = self.evaluate(fit)
         return known
 
-    def removal(
-        self, current: EvaluatedModel, simpler: EvaluatedModel
-    ) -> tuple[bool, dict[str, float]]:
-        """True if the removal of an effect is undecided, and the change of the other parameters."""
-        return current.is_undecided(simpler.fit), removal_steps(current.fit, simpler.fit)
-
     def enriched(self, current: EvaluatedModel, term: AbstractEffect) -> EvaluatedModel:
         """Model with a term replaced by an extended variant or another law."""
-        kept = {name for name in _key(current.fit) if name[0] != term.name}
-        known = self._evaluated.get(frozenset(kept | {_name(term)}))
+        kept = {name for name in key_of(current.fit) if name[0] != term.name}
+        known = self._evaluated.get(frozenset(kept | {structure_of(term)}))
         if known is None:
             abandon_cost = current.fit.cost + self.policy.abandon_slack
             fit = refitted_as(current.fit, term, self.limits(abandon_cost, self.longest))
@@ -154,7 +159,7 @@ class Trials:
 
     def evaluated_rivals(self, simpler: EvaluatedModel, name: str) -> list[EvaluatedModel]:
         """Evaluated models that add one term of another type than `name` to the simpler model."""
-        key = _key(simpler.fit)
+        key = key_of(simpler.fit)
         return [
             model
             for known, model in self._evaluated.items()
@@ -166,7 +171,7 @@ class Trials:
 
         The angles were tracked in the simpler model; a fit from wrong ones has a local optimum.
         """
-        fit = self._fits.get(_key(simpler.fit) | {score.structure})
+        fit = self._fits.get(key_of(simpler.fit) | {score.structure})
         if fit is None or not is_tracked(simpler.fit.simulator.model):
             return None
         return replace(fit, converged=False) if simpler.fit.cost - fit.cost < score.gain else None
@@ -179,7 +184,7 @@ class Trials:
 
     def scores(self, current: EvaluatedModel) -> list[Score]:
         """Scores of all prototypes of the effect types that are not in the model, best first."""
-        key = _key(current.fit)
+        key = key_of(current.fit)
         if not np.isfinite(current.fit.cost):
             return []
         if key not in self._scores:
@@ -196,11 +201,11 @@ class Trials:
 
     def uncomputed(self, current: EvaluatedModel) -> list[str]:
         """Effect types without a finite score for a screened model."""
-        return self._uncomputed.get(_key(current.fit), [])
+        return self._uncomputed.get(key_of(current.fit), [])
 
     def curves(self, current: EvaluatedModel) -> list[Score]:
         """Scores of terms that belong to no effect type (curves, ripples, ...), best first."""
-        key = _key(current.fit)
+        key = key_of(current.fit)
         if key not in self._curves:
             self._curves[key] = missing_curves(current.fit, self.policy)
         return self._curves[key]
@@ -216,13 +221,13 @@ class Trials:
         Effects of the same equation and drivers have nearly the same signature.  If one of them
         gained more than predicted, so may the others: the score is taken at a biased model.
         """
-        key, ratio = _key(current.fit), 1.0
+        key, ratio = key_of(current.fit), 1.0
         # The last of equal keys remains: the best score of each structure.
         best = {score.structure: score for score in reversed(self._scores.get(key, []))}
         for score in best.values():
             other = score.candidate.final
             if (other.equation, other.drivers) == (term.equation, term.drivers) and score.gain > 0:
-                found = key | {_name(other)}
+                found = key | {structure_of(other)}
                 model = self._evaluated.get(found)
                 fit = self._fits.get(found) if model is None else model.fit
                 if fit is not None:
@@ -241,7 +246,7 @@ class Trials:
         found, policy = [], self.policy
         best = current.fit.cost
         for score in scores:
-            key = _key(current.fit) | {_name(score.candidate.final)}
+            key = key_of(current.fit) | {score.structure}
             fit = self._fits.get(key)
             if fit is None:
                 needed = current.fit.cost - min(abandon_cost, current.fit.cost)
@@ -281,7 +286,7 @@ class Trials:
             lowest = fits[0][1].cost
             if fit.cost > lowest + policy.close_share * (current.fit.cost - lowest):
                 break
-            key = _key(current.fit) | {_name(score.candidate.final)}
+            key = key_of(current.fit) | {score.structure}
             best = min((model.fit.cost for model in models), default=np.inf)
             began = operations()
             fraction = min((model.fraction for model in models), default=1.0)
@@ -297,7 +302,7 @@ class Trials:
     def final(self, current: EvaluatedModel) -> Fit:
         """Fit of the final model, finished now if the search only needed it for a comparison."""
         fit = current.fit
-        if _key(fit) not in self._unfinished and not fit.is_off(self.policy.bias):
+        if key_of(fit) not in self._unfinished and not fit.is_off(self.policy.bias):
             return fit
         limits = TerminationLimits(self.policy.steps, budget=Budget())
         fit = self._converged(replace(fit, converged=False), limits)
@@ -340,11 +345,3 @@ class Trials:
         """Gain that a number of added unknowns needs to be significant."""
         samples = max(float(current.fit.weighting.counts.sum()) * current.fraction, 2.0)
         return by_chance(unknowns, samples, max(self.tried, 1)) / current.fraction
-
-
-def _name(term: AbstractEffect) -> tuple[str, str]:
-    return term.name, term.variant
-
-
-def _key(fit: Fit) -> Key:
-    return frozenset(_name(term) for term in effects_of(fit.simulator.model.terms))
