@@ -6,6 +6,9 @@ parameter between two bounds, is identified if its standard deviation is below h
 prior.  Where no run has a logged temperature, no temperature difference is known, so neither
 temperature coefficient of the nominal model is identified unless the user knows one of them.
 
+Runs near 25 degC determine the values at 25 degC: over the few kelvins between, the whole range of
+the temperature coefficients of real motors changes a value by less than a thermometer can resolve.
+
 Known values of the user count as information unless `by_runs` is set.  A known inertia, for
 example, determines a friction that the runs give only as a ratio to it.
 """
@@ -22,6 +25,7 @@ from identification.arrays import Array
 from identification.fit.solve import Fit
 from identification.linear import eigh
 from identification.model.declared import DECLARED
+from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["Precision", "identified", "precision_of"]
 
@@ -40,6 +44,10 @@ _ROUNDED: Final = 1e-8
 
 _COEFFICIENTS: Final = ("alpha_Ra", "alpha_Kt")
 
+_NEAR: Final = 5.0
+"""Largest difference between the mean temperature of the runs and 25 degC that a value at 25 degC
+bridges with the general prior of its coefficient: 1.5 % of the resistance [K]."""
+
 _GENERAL: Final = {parameter.name: parameter.prior_sd for parameter in DECLARED}
 """Standard deviations of the general priors, in search coordinates."""
 
@@ -54,6 +62,8 @@ class Precision:
     """Standard deviation by the data; infinite if undetermined [unit]."""
     limit: float
     """Standard deviation below which the parameter is identified [unit]."""
+    is_bridged: bool
+    """True if the general prior of the temperature coefficients suffices to identify it."""
 
     @property
     def identified(self) -> bool:
@@ -78,10 +88,13 @@ def precision_of(
     terms, in search coordinates; with `by_runs` known values are ignored.
     """
     known = np.array([bool(p.origin) and not by_runs for p in fit.coordinates.parameters])
-    deviations = _data_deviations(fit, fraction, known)
-    if added is not None:
-        deviations = np.sqrt(deviations**2 + added)
     coefficients = np.array([name in _COEFFICIENTS for name in fit.coordinates.names])
+    deviations = _data_deviations(fit, fraction, known)
+    bridged = _data_deviations(fit, fraction, known | coefficients)
+    if _is_near_reference(fit):
+        deviations = np.where(coefficients, deviations, bridged)
+    if added is not None:
+        deviations, bridged = np.sqrt(deviations**2 + added), np.sqrt(bridged**2 + added)
     if all(record.expected is not None for record in fit.simulator.records):
         deviations[coefficients & ~known.any(where=coefficients)] = np.inf
     slopes = fit.coordinates.slopes(fit.position)
@@ -95,8 +108,15 @@ def precision_of(
         else:
             general = _GENERAL[parameter.name] if parameter.origin else parameter.prior_sd
             limit = _PRIOR_SHARE * general * slopes[k]
-        answer[parameter.name] = Precision(estimate, float(deviations[k] * slopes[k]), float(limit))
+        sd, is_bridged = float(deviations[k] * slopes[k]), bool(bridged[k] * slopes[k] < limit)
+        answer[parameter.name] = Precision(estimate, sd, float(limit), is_bridged)
     return answer
+
+
+def _is_near_reference(fit: Fit) -> bool:
+    """Return True if the mean temperature of the runs is within `_NEAR` of 25 degC."""
+    mean = float(np.mean(np.concatenate([r.column("temperature") for r in fit.simulator.records])))
+    return abs(mean - REFERENCE_TEMPERATURE_DEGC) <= _NEAR
 
 
 def _moved(fit: Fit, k: int, deviation: float) -> float:

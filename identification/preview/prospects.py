@@ -122,6 +122,7 @@ def prospects_of(
     # A model that explains little has no time constants.
     faster = {} if poor else _sampling_advice(values, interval)
     unseen = frozenset() if poor else _passed_unseen(values, interval)
+    cold = {*_SLOPES.values()} - {*faster}
     found = []
     for parameter in DECLARED:
         bound = precision[parameter.name]
@@ -134,6 +135,8 @@ def prospects_of(
         if parameter.name in _SLOPES and not lacking < 1.0:
             base = relative.get(_SLOPES[parameter.name], np.inf)
             advice = _warmer(excitation, lacking, base, bound.limit)
+        elif not lacking < 1.0 and bound.is_bridged and parameter.name in cold:
+            advice = "record runs near 25 °C, or cold and hot runs"
         elif not lacking < 1.0:
             more = _more(parameter.name, lacking)
             advice = f"{faster[parameter.name]}; {more}" if parameter.name in faster else more

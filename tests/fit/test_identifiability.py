@@ -73,6 +73,28 @@ def test_at_the_reference_temperature_the_reference_values_are_known() -> None:
     assert fit.values[0] == pytest.approx(SERVO.values[0], rel=0.01)
 
 
+@pytest.mark.parametrize("temperature", [21.0, 24.0, 28.0])
+def test_a_laboratory_at_one_temperature_determines_the_reference_values(
+    temperature: float,
+) -> None:
+    """4 K from 25 degC, any usual coefficient changes Ra25 and Kt25 by about 1 %."""
+    known, fit = answered(at_one_temperature(temperature, seed=2))
+
+    assert known["Ra25"]
+    assert known["Kt25"]
+    assert not known["alpha_Ra"]
+    assert not known["alpha_Kt"]
+    assert fit.values[0] == pytest.approx(SERVO.values[0], rel=0.03)
+
+
+def test_runs_far_from_the_reference_temperature_leave_the_reference_values_unknown() -> None:
+    """55 K from 25 degC, the resistance at 25 degC is that of the assumed coefficient."""
+    known, _ = answered(at_one_temperature(80.0, seed=2))
+
+    assert not known["Ra25"]
+    assert not known["Kt25"]
+
+
 def test_runs_without_temperature_leave_the_coefficients_unidentified() -> None:
     """The runs count as runs at one unknown temperature, here with 1.2 times the resistance."""
     runs = [replace(run, temperature=None) for run in at_one_temperature(76.3, seed=4)]

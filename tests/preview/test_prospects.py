@@ -90,6 +90,14 @@ def test_advised_temperature_span_exceeds_that_of_a_noisy_thermometer() -> None:
         assert float(advised[1]) >= 10.0
 
 
+def test_hot_runs_are_advised_a_temperature_and_no_current() -> None:
+    """At 80 degC alone, the values at 25 degC lack a temperature, not current or speed."""
+    found = prospects(noisy((80.0, 80.0), 1000, 0.0025, 7))
+    for name in ("Ra25", "Kt25"):
+        assert not found[name].identified
+        assert "near 25 °C" in found[name].advice
+
+
 def test_runs_without_temperature_are_advised_to_log_it() -> None:
     """No temperature, no coefficient of it, and the channel is named."""
     runs = [
