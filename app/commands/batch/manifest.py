@@ -36,7 +36,7 @@ from identification.errors import InputError, UnreadableFile
 from identification.label import Label
 from identification.options import FitOptions
 
-__all__ = ["Motor", "read_manifest"]
+__all__ = ["Motor", "read_manifest", "unopened"]
 
 _FILES: Final = ("training", "validation")
 _FIELDS: Final = ("motor", *_FILES, "mapping", "bench", "type")
@@ -234,6 +234,13 @@ def _runs(folder: Path, file: str, place: Place) -> list[Path]:
     # A file may have brackets in its name; a name that matches nothing fails with its motor.
     found = [] if not has_magic(file) or lexists(path) else glob(file, root_dir=folder)
     return [folder / name for name in sorted(found, key=_by_number)] or [path]
+
+
+def unopened(error: OSError) -> str:
+    """Reason why a file of the manifest cannot be read."""
+    if isinstance(error, FileNotFoundError) and has_magic(str(error.filename)):
+        return f"{error.filename}: no file matches this pattern; correct it in the manifest"
+    return f"{error.filename}: cannot be opened ({error.strerror}); check path and permissions"
 
 
 def _by_number(name: str) -> list[str | int]:

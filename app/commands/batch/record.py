@@ -19,7 +19,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
-from app.commands.batch.manifest import Motor
+from app.commands.batch.manifest import Motor, unopened
 from app.commands.files import read_result
 from app.disk import open_regular
 from identification.errors import InputError, OptionError
@@ -46,7 +46,7 @@ def record_of(motor: Motor) -> dict[str, Any]:
         }
         mapping = None if motor.mapping is None else _hash(motor.mapping)
     except OSError as error:
-        raise OptionError(f"{error.filename}: cannot be opened ({error.strerror})") from error
+        raise OptionError(unopened(error)) from error
     _refuse_twice((*motor.training, *motor.validation), (*runs["training"], *runs["validation"]))
     # Convert to JSON types, so that the record equals one read from disk.
     options: dict[str, Any] = json.loads(json.dumps(asdict(motor.options)))

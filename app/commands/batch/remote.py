@@ -20,6 +20,7 @@ from typing import Any, Final
 
 from app.batches import MOST_MOTORS, MOST_RUNS
 from app.commands.batch.local import MotorJob
+from app.commands.batch.manifest import unopened
 from app.commands.batch.record import finish, make_way, previous_refit, remember
 from identification.errors import ComputationError, InputError
 from identification.result.atomic import write_text
@@ -201,7 +202,7 @@ def _uploaded(service: Client, job: MotorJob, tell: Tell) -> tuple[dict[str, Any
     except Refused as error:
         return None, str(error)
     except OSError as error:
-        return None, f"{error.filename}: cannot be opened ({error.strerror})"
+        return None, unopened(error)
     options = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(motor.options).items()}
     options |= {"bench": motor.bench} if motor.bench else {}
     ids = {role: [run.id for run in stored] for role, stored in runs.items()}

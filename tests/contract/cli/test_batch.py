@@ -80,6 +80,18 @@ def test_wildcard_stands_for_files_in_the_order_of_their_numbers(tmp_path: Path,
     assert [path.name for path in without.training] == ["none*.csv"]
 
 
+def test_pattern_that_matches_nothing_is_called_so(
+    run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The motor fails alone, and its reason speaks of a pattern and not of permissions."""
+    manifest = run_files[0].with_name("motors.csv")
+    manifest.write_text("motor,training\nm,none*.csv\n")
+
+    assert main(["batch", str(manifest), "--out", str(tmp_path)]) == 1
+
+    assert "none*.csv: no file matches this pattern" in capsys.readouterr().out
+
+
 def test_pipe_is_refused_without_waiting(
     run_files: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
