@@ -34,7 +34,7 @@ def join(
     from identification.ingest.several_files import join_files
 
     chosen = mapping_of(mapping, map or [])
-    check_mapped_files(chosen, [out])
+    check_mapped_files(chosen, files)
     with writable_file(out, inputs=files):
         try:
             run = join_files(files, out.name, chosen)

@@ -25,7 +25,7 @@ from identification.ingest.columns import Column
 from identification.ingest.display import listed, plain
 from identification.ingest.faults import collected, refuse_all
 from identification.ingest.file import Limits, RunFile, naming, open_run_file
-from identification.ingest.mapping import ChannelMapping, read_mapping
+from identification.ingest.mapping import FILES, ChannelMapping, read_mapping
 from identification.ingest.names import is_sample_number
 from identification.ingest.read import READERS, opened, read_run
 from identification.ingest.run import Run, RunWarning, SourceLocator
@@ -36,7 +36,13 @@ from identification.ingest.units import CHANNEL_QUANTITIES, canonical_unit
 __all__ = ["join_files"]
 
 _UNLIKE: Final = 0.05
-"""Difference of durations from which files are not of one recording, over the longest [-]."""
+"""Difference of durations or starts from which files are not of one recording, over the longest
+duration [-]."""
+_EXPECTED: Final = (
+    "expected files of one recording: export the same span of each channel; if two devices were "
+    "started separately, give the time of one with the offset to the other, --map "
+    "'{}:time_s=HEADER + OFFSET in s'"
+)
 
 
 def join_files(
@@ -47,18 +53,27 @@ def join_files(
     Args:
         paths: Files, each with a time and signals.
         name: Name of the run in messages.
-        mapping: Columns of the channels.  An entry of the time applies to each file.  A title that
-            several files have is preceded by the name of its file, as in ``CH1.csv/Ampl``; a signal
-            without a title has the name of its file without the ending.
+        mapping: Columns of the channels.  An entry of the time applies to each file, and one under
+            ``files`` to that file, whose clock it aligns with the others.  A title that several
+            files have is preceded by the name of its file, as in ``CH1.csv/Ampl``; a signal without
+            a title has the name of its file without the ending.
 
     Raises:
         RunFileError: A file cannot be read, a channel is given twice, or the signals together are
             no run; what is missing in any file is reported at once.
         InputError: There is one file, or the files differ in duration.
     """
-    clock = read_mapping(mapping, name).channels.get("time_s")
-    others = {key: entry for key, entry in (mapping or {}).items() if key != "time_s"}
-    reader = _Files(paths, clock, read_mapping(others, name).channels)
+    read_mapping(mapping, name)
+    files = (mapping or {}).get(FILES)
+    given = {f: set(entries) for f, entries in files.items()} if isinstance(files, Mapping) else {}
+    if wrong := [file for file, channels in given.items() if channels != {"time_s"}]:
+        raise InputError(
+            f"the mapping of {wrong[0]} has {listed(given[wrong[0]])}; expected time_s alone: the "
+            f"column of another channel is given as {wrong[0]}/HEADER if its header is not unique"
+        )
+    clocks = {k: entry for k, entry in (mapping or {}).items() if k in ("time_s", FILES)}
+    others = {k: entry for k, entry in (mapping or {}).items() if k not in clocks}
+    reader = _Files(paths, clocks, frozenset(given), read_mapping(others, name).channels)
     return read_run(paths[0], name=name, mapping=others, readers=[reader])
 
 
@@ -79,7 +94,10 @@ class _Files:
     """Reader that gives the signals of all files for any of them."""
 
     paths: Sequence[Path]
-    clock: ChannelMapping | None
+    clocks: Mapping[str, object]
+    """Mapping of the time, of all files and of single ones."""
+    aligned: frozenset[str]
+    """Files with a time mapping of their own."""
     others: Mapping[str, ChannelMapping]
 
     def recognises(self, name: str, head: bytes) -> bool:
@@ -93,10 +111,11 @@ class _Files:
         for path in self.paths:
             shown = plain(path.name, 200)
             with collected(errors), naming(shown), open_run_file(path, shown, Limits()) as one:
-                contents.append(_content(one, self.clock, errors))
+                clock = read_mapping(self.clocks, shown).channels.get("time_s")
+                contents.append(_content(one, clock, errors))
         if not errors:
             _refuse_repeated(contents)
-            _refuse_unlike(contents)
+            _refuse_unlike([one for one in contents if one.file not in self.aligned])
         warnings = tuple(itertools.chain.from_iterable(c.warnings for c in contents))
         names = [content.file for content in contents]
         groups = {
@@ -188,15 +207,24 @@ def _refuse_repeated(contents: Sequence[_Content]) -> None:
 
 
 def _refuse_unlike(contents: Sequence[_Content]) -> None:
-    """Refuse files of which one is much shorter than the longest."""
+    """Refuse files of which one is much shorter than the longest, or begins at another time."""
     longest = max(contents, key=_duration)
     for one in contents:
-        missing = _duration(longest) - _duration(one)
         interval = _duration(one) / max(one.time.size - 1, 1)
-        if missing > max(_UNLIKE * _duration(longest), 2.0 * interval):
+        limit = max(_UNLIKE * _duration(longest), 2.0 * interval)
+        if _duration(longest) - _duration(one) > limit:
+            texts = [f"{_duration(content):.4g} s" for content in (one, longest)]
             raise InputError(
-                f"lasts {_duration(one):.4g} s, and {longest.file} {_duration(longest):.4g} s; "
-                "expected files of one recording: export the same span of each channel",
+                f"lasts {texts[0]}, and {longest.file} {texts[1]}; {_EXPECTED.format(one.file)}",
+                file=one.file,
+            )
+        starts = [
+            float(content.time[0]) if content.time.size else 0.0 for content in (one, longest)
+        ]
+        if abs(starts[0] - starts[1]) > limit:
+            raise InputError(
+                f"begins at {starts[0]:.4g} s, and {longest.file} at {starts[1]:.4g} s; "
+                f"{_EXPECTED.format(one.file)}",
                 file=one.file,
             )
 

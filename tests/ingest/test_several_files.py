@@ -154,6 +154,27 @@ def test_files_that_are_no_single_recording_are_refused(tmp_path: Path) -> None:
         joined([first, second, third])
 
 
+def test_two_devices_with_clocks_of_their_own_are_aligned(tmp_path: Path) -> None:
+    """The logger was started 5.2 s before the oscilloscope; the offset brings the channels back."""
+    scope = written(tmp_path / "scope.csv", "TIME [s],CH1,CH2", TIME, VOLTAGE, CURRENT / 10.0)
+    late, longer = TIME + 5.2, np.arange(-0.1, 0.5, 1e-3)
+    same = written(tmp_path / "same.csv", "t [ms],n [rad/s]", 1e3 * late, SPEED)
+    speed = 100.0 * np.cos(40.0 * longer)
+    logger = written(tmp_path / "logger.csv", "t [ms],n [rad/s]", 1e3 * (longer + 5.2), speed)
+
+    for file, message in (
+        (same, "same.csv: begins at 5.2 s, and scope.csv at 0 s; .* 'same.csv:time_s=HEADER"),
+        (logger, "scope.csv: lasts 0.399 s, and logger.csv 0.599 s"),
+    ):
+        with pytest.raises(InputError, match=message):
+            joined([scope, file], *PROBES[:2])
+        run = joined([scope, file], *PROBES[:2], f"{file.name}:time_s=t [ms] + -5200 in ms")
+        np.testing.assert_allclose(run.speed, 100.0 * np.cos(40.0 * run.time), atol=1e-6)
+        assert run.time.size > 390
+    with pytest.raises(InputError, match=r"expected time_s alone.* logger\.csv/HEADER"):
+        joined([scope, logger], *PROBES[:2], "logger.csv:speed_rad_s=n [rad/s]")
+
+
 def test_files_with_one_name_are_told_apart_by_their_position(tmp_path: Path) -> None:
     """Loggers that write one directory for each channel."""
     files = []
