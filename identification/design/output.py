@@ -114,8 +114,9 @@ def summary(proposal: Proposal) -> list[str]:
         factor, unit = unit_prefix(one.unit, [now, then])
         unit = "" if unit in ("-", "1") else f" {unit}"
         sentences.append(
-            f"Expected 90 % interval of {one.name}: {number_text(factor * then, 3)}{unit} wide "
-            f"instead of {number_text(factor * now, 3)}{unit}."
+            f"Expected 90 % interval of {one.name}, if the model is complete: "
+            f"{number_text(factor * then, 3)}{unit} wide instead of "
+            f"{number_text(factor * now, 3)}{unit}."
         )
     if not quantity:
         sentences.append(f"Expected information on the parameters: {proposal.bits[0]:.1f} bits.")

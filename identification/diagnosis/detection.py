@@ -153,7 +153,7 @@ def _check(
     if ratio > limit:
         reasons.append(f"the residual is {ratio:.2f} times the sensor noise (limit {limit:.2f})")
     if whiteness < level:
-        p_value = f"p = {whiteness:.1g}" if whiteness > 1e-99 else "p < 1e-99"
+        p_value = f"p = {whiteness:.1g}" if whiteness >= 1e-4 else "p < 0.0001"
         reasons.append(f"the residual is autocorrelated ({p_value}, limit {level:.1g})")
     if outside > 0.0:
         reasons.append(

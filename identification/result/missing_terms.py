@@ -128,7 +128,7 @@ def _added(term: AbstractTerm, driver: str, found: PathSamples) -> MissingTerm:
     turned = -np.sign(found.drivers[carrier]) if carrier else np.ones(values.size)
     words = f"{_WORDS[column]} opposing the {_AGAINST[column]}" if carrier else _WORDS[column]
     effects = found.effects[term.name][:, :, column] * turned
-    bins = _Bins(values)
+    bins = _Bins(values, divided=True)
     curve = _spread([bins.means(effect) for effect in effects])
     missing = found.missing_for(term.name)[:, column] * turned
     known = np.isfinite(missing)
@@ -216,20 +216,28 @@ def _telling(effect: Array, size: int) -> Index:
 
 
 class _Bins:
-    """Equal-width bins of a driver; bins with too few samples are left out of all results."""
+    """Equal-width bins of a driver; bins with too few samples are left out of all results.
 
-    def __init__(self, values: Array) -> None:
+    `divided` divides them further where samples are dense, so that a step at zero stays steep.
+    """
+
+    def __init__(self, values: Array, *, divided: bool = False) -> None:
         self.values = values
-        low, high = float(values.min()), float(values.max())
-        width = (high - low) / _BINS or 1.0
-        number = np.clip(((values - low) / width).astype(int), 0, _BINS - 1)
-        counts = np.bincount(number, minlength=_BINS)
+        edges = np.linspace(values.min(), values.max(), _BINS + 1)
+        if divided:
+            dense = np.quantile(values, np.linspace(0.0, 1.0, _BINS + 1))
+            edges = np.union1d(edges, dense)
+        number = np.searchsorted(edges[1:-1], values, side="right")
+        self._size = edges.size - 1
+        counts = np.bincount(number, minlength=self._size)
         self._kept = counts >= min(_LEAST_IN_BIN, values.size)
         self._number = number
 
     def sums(self, values: Array) -> Array:
         """Sums (n_bin,) of values in each bin."""
-        return np.asarray(np.bincount(self._number, values, _BINS)[self._kept], dtype=np.float64)
+        return np.asarray(
+            np.bincount(self._number, values, self._size)[self._kept], dtype=np.float64
+        )
 
     def means(self, values: Array) -> Array:
         """Means (n_bin,) of values in each bin."""

@@ -181,6 +181,19 @@ def test_estimate_lies_on_the_curve_despite_a_biased_resistance(declared: Fit) -
     assert (plot.quantity, plot.unit, plot.driver) == ("missing voltage", "V", "current")
 
 
+def test_curve_of_a_brush_drop_is_as_steep_as_its_knee(declared: Fit) -> None:
+    """Most samples have a small current, and the line between the bins follows the law there."""
+    sizes = {"voltage": 0.8, "knee": 0.05, "sharpness": 2.0}
+    term = BrushDrop(24.0, 10.0)
+    path = path_of(declared, term, [sizes.get(p.name, 0.0) for p in term.parameters])
+
+    (plot,) = missing_terms(path)
+
+    half = np.interp([-0.4, 0.4], -plot.median, plot.grid)
+    assert np.all(np.diff(plot.grid) > 0.0)
+    assert np.ptp(half) < 0.2, "currents at half of the drop, 0.06 A by the law"
+
+
 def test_a_change_of_friction_is_drawn_over_temperature(declared: Fit) -> None:
     """The curve is the straight line -b k (T - 25) with k = 0.004 1/K."""
     path = path_of(declared, ViscousTemperature(), [0.004, 1.0])
