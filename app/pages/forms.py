@@ -169,7 +169,9 @@ class TuningForm:
                 if text:
                     numbers[name] = decimal_of(text)
             except ValueError:
-                wrong.append(f"{name} {text[:60]!r} is not a number{_in_points(text)}")
+                wrong.append(
+                    f"{name.replace('_', ' ')} {text[:60]!r} is not a number{_in_points(text)}"
+                )
         if wrong:
             raise OptionError("; ".join(wrong))
         probability = numbers.pop("probability", 0.95)

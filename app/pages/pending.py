@@ -158,7 +158,7 @@ def pending_list_view(services: Services, caller: Caller) -> dict[str, Any]:
 
 def pending_view(row: PendingRow, *, is_known: bool = False) -> dict[str, Any]:
     """View of one pending run, known if its file and mapping are those of another one."""
-    preview, summary = row.found["preview"], row.found["summary"]
+    preview, summary, columns = (row.found[name] for name in ("preview", "summary", "columns"))
     is_contradictory = any(f["severity"] == "refuse" for f in preview["findings"])
     state = "contradictory" if is_contradictory else "ready"
     if is_known:
@@ -175,7 +175,7 @@ def pending_view(row: PendingRow, *, is_known: bool = False) -> dict[str, Any]:
         "id": row.id,
         "file": row.file,
         "state": state,
-        "state_text": _STATES[state],
+        "state_text": _STATES[state] if state != "unreadable" or columns else "cannot be read",
         "is_known": is_known,
         "facts": [] if summary is None else _facts(summary),
         "errors": [
@@ -192,7 +192,7 @@ def pending_view(row: PendingRow, *, is_known: bool = False) -> dict[str, Any]:
             _channel(
                 name,
                 chosen.get(name) or {},
-                row.found["columns"],
+                columns,
                 summary,
                 is_required=name not in _OPTIONAL
                 and not (name == "voltage_V" and "duty" in chosen),
@@ -200,7 +200,7 @@ def pending_view(row: PendingRow, *, is_known: bool = False) -> dict[str, Any]:
             for name in _CHANNELS
             if name not in _FACTORS or is_product
         ],
-        "has_columns": bool(row.found["columns"]),
+        "has_columns": bool(columns),
         "has_plot": summary is not None,
     }
 

@@ -18,7 +18,7 @@ from identification.ingest import Column, Limits, Run, read_run
 from identification.ingest.columns import similar_columns
 from identification.ingest.mapping import ROW
 from identification.ingest.read import list_columns
-from identification.ingest.units import CHANNEL_QUANTITIES
+from identification.ingest.units import CHANNEL_QUANTITIES, find_unit
 
 # Imported once in the fork server: each child would need 0.7 s of CPU time for these.
 from identification.preview import examine
@@ -78,9 +78,10 @@ def _preview(task: dict[str, Any], limits: Limits, answers: Answers) -> None:
 def _pending(task: dict[str, Any], limits: Limits) -> dict[str, Any]:
     """Columns, preview without the precision, summary and plotted samples of a file.
 
-    An entry of the mapping of a bench applies only if the file has its column.
+    An entry of the mapping of a bench applies only if the file has its column, without its unit if
+    the file states another one.
     """
-    mapping = task["mapping"]
+    mapping, stated = task["mapping"], []
     try:
         columns = list_columns(task["path"], name=task["name"], limits=limits)
     except RunFileError:
@@ -95,9 +96,29 @@ def _pending(task: dict[str, Any], limits: Limits) -> dict[str, Any]:
                 for key in ("column", "sign")
                 if key in (entry or {}) and entry[key] != ROW
             )
-        } or None
+        }
+        stated = [
+            (channel, own, mapping[channel].pop("unit"))
+            for channel, entry in mapping.items()
+            for column in columns
+            if entry and column.has_name(entry.get("column", ""))
+            if (own := _own_unit(column, entry))
+        ]
+        mapping = mapping or None
     found = examine([task["path"]], mapping, names=[task["name"]], limits=limits)
     run = found.runs[0] if found.runs else None
+    summary = None if run is None else _summary(run)
+    if summary is not None:
+        summary["warnings"] += [
+            {
+                "code": "unit_overridden",
+                "message": f"the mapping of the bench gives {saved} and the header {own}; the "
+                "header is used",
+                "row": None,
+                "column": channel,
+            }
+            for channel, own, saved in stated
+        ]
     return {
         "mapping": mapping,
         "columns": [
@@ -106,9 +127,21 @@ def _pending(task: dict[str, Any], limits: Limits) -> dict[str, Any]:
         ],
         "suggested": _suggested(columns),
         "preview": found.content(),
-        "summary": None if run is None else _summary(run),
+        "summary": summary,
         "samples": {} if run is None else _samples(run),
     }
+
+
+def _own_unit(column: Column, entry: dict[str, Any]) -> str:
+    """Unit that a column states against an entry that neither names nor scales it; else empty.
+
+    An entry for ``n [rpm]`` in rad/s is a correction of that header.
+    """
+    own, saved = column.unit, find_unit(str(entry.get("unit", "")))
+    if own is None or saved is None or own == saved or own.quantity != saved.quantity:
+        return ""
+    is_named = any(text in entry["column"] for text in column.unit_texts)
+    return "" if is_named or {"scale", "offset"} & entry.keys() else own.name
 
 
 def _suggested(columns: Sequence[Column]) -> dict[str, str]:

@@ -112,7 +112,7 @@ def test_a_file_that_is_a_run_already_is_said_and_not_counted(page: Page) -> Non
     ("content", "state", "words"),
     [
         (run_text(28), "already added", "already among the runs or above"),
-        (b"no,run\n", "needs a correction", "already above; discard one of the two"),
+        (b"", "cannot be read", "already above; discard one of the two"),
     ],
 )
 def test_a_file_that_is_dropped_twice_is_said_at_once(

@@ -86,6 +86,21 @@ def test_mapping_of_a_bench_applies_to_its_next_file(page: Page) -> None:
     assert stored["canonical.csv"] is None
 
 
+def test_unit_that_a_file_states_counts_against_the_unit_of_its_bench(page: Page) -> None:
+    """The logger was set to rad/s and says so below the names; the saved mapping had rpm."""
+    run = page.drop(scope_text(5), bench="bench 7")
+    page.http.post(f"/pending/{run}/mapping", data=selected())
+    page.http.post("/pending/confirm")
+    names, *rows = scope_text(6).decode().splitlines()
+    page.drop("\n".join([names, "s,V,A,rad/s,degC", *rows, ""]).encode(), bench="bench 7")
+    shown = page.shown()
+    page.http.post("/pending/confirm")
+
+    later, before = (run["channels"]["speed_rad_s"]["max"] for run in page.runs())  # type: ignore[index]
+    assert later > 5.0 * before
+    assert "the mapping of the bench gives rpm and the header rad/s; the header is used" in shown
+
+
 def test_bench_and_motor_may_be_named_after_the_files(page: Page) -> None:
     """The mapping of the bench is applied to the files that wait."""
     run = page.drop(scope_text(9), bench="bench 6")
