@@ -242,6 +242,18 @@ def test_everything_is_displayed_and_escaped(
     assert shown[2] == shown[3]
 
 
+def test_runs_and_preview_print_as_some_lines_without_samples() -> None:
+    """A console shows name, size and channels of a run, and the table of the preview."""
+    run = mi.read_run(RUNS[0].table(), name="cold")
+    preview = mi.check([run])
+
+    assert repr(run).startswith("Run('cold': 600 samples at ")
+    assert "array" not in repr(run) + repr(preview)
+    assert repr(preview).startswith("Runs accepted: cold\n")
+    assert all(name in repr(preview) for name in PAPER)
+    assert "- there is one run only" in repr(preview)
+
+
 def test_posterior_opens_in_arviz(found: mi.Identification, stored: mi.StoredResult) -> None:
     """Draws and units of the file, from the object, the directory and the file."""
     pytest.importorskip("arviz", reason="ArviZ is not installed")

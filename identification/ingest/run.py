@@ -223,6 +223,12 @@ class Run:
         """The samples in canonical columns and SI units; unlogged channels have no column."""
         return pd.DataFrame({"time_s": self.time, **self.channels})
 
+    def __repr__(self) -> str:
+        channels = ", ".join(self.channels)
+        return (
+            f"Run({self.name!r}: {self.rows} samples at {self.sample_rate_hz:.4g} Hz, {channels})"
+        )
+
     def _repr_html_(self) -> str:
         """Name, ranges of the channels and warnings, for notebooks."""
         ranges = self.table().agg(["min", "median", "max"]).T

@@ -95,6 +95,13 @@ class Preview:
         names = pd.Index([one.name for one in self.prospects], name="parameter")
         return pd.DataFrame(rows, names, columns)
 
+    def __repr__(self) -> str:
+        remarks = [*self.errors, *self.findings, *self.notes]
+        verdict = "accepted" if self.is_accepted else "refused"
+        names = ", ".join(run.name for run in self.runs) or "none readable"
+        parts = [f"Runs {verdict}: {names}", self.table().to_string() if self.prospects else ""]
+        return "\n".join(filter(None, [*parts, *(f"- {remark}" for remark in remarks)]))
+
     def _repr_html_(self) -> str:
         """Runs, errors, findings, expected precision and notes, for notebooks."""
         runs = ", ".join(
