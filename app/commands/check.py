@@ -18,7 +18,7 @@ from app.commands.files import writable_file
 from app.commands.loading import loading
 from identification.errors import InputError, OptionError, RunFileError
 from identification.result.atomic import write_text
-from identification.result.numbers import number_text, unit_prefix, unit_text
+from identification.result.numbers import number_text, unit_prefix, unit_text, with_symbols
 
 __all__ = ["check"]
 
@@ -98,7 +98,9 @@ def _print(
     for finding in findings:
         verdict = "Contradiction" if finding["severity"] == "refuse" else "Suspicion"
         place = ", column ".join(word for word in (finding["file"], finding["column"]) if word)
-        words = ": ".join(word for word in (verdict, place, finding["message"]) if word)
+        words = ": ".join(
+            word for word in (verdict, place, with_symbols(finding["message"])) if word
+        )
         console.print(words, style="yellow", soft_wrap=True)
         for correction in finding["corrections"]:
             console.print(f"  correct it with --map {shlex.quote(correction)}", soft_wrap=True)

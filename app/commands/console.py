@@ -21,7 +21,14 @@ from rich.table import Table
 
 from app.commands.exits import raise_missed
 from identification.result.effect_texts import effect_details
-from identification.result.numbers import UNKNOWN, Interval, entry_text, unit_prefix, unit_text
+from identification.result.numbers import (
+    UNKNOWN,
+    Interval,
+    entry_text,
+    unit_prefix,
+    unit_text,
+    with_symbols,
+)
 
 __all__ = [
     "Output",
@@ -115,7 +122,7 @@ def print_fit(result: Mapping[str, Any], out: Path) -> None:
 
     console = results_console()
     for warning in result.get("warnings") or ():
-        console.print(f"Warning: {warning}", style="yellow")
+        console.print(f"Warning: {with_symbols(warning)}", style="yellow")
     codes = [detail["code"] for detail in result.get("warning_details") or ()]
     if codes:
         print_help(codes)

@@ -88,7 +88,7 @@ def summary(proposal: Proposal) -> list[str]:
     task, best = proposal.task, proposal.best
     peaks = proposal.peaks
     sentences = [
-        f"Play {task.duration:.4g} s at {1.0 / task.interval:.4g} Hz at {best.temperature:g} degC: "
+        f"Play {task.duration:.4g} s at {1.0 / task.interval:.4g} Hz at {best.temperature:g} °C: "
         f"{best.profile.label}.",
         f"Voltage up to {np.abs(best.voltage).max():.4g} V; in all draws of the parameters the "
         f"current stays below {peaks['current']:.4g} A and the speed below "
