@@ -242,10 +242,18 @@ def _loop_figures(result: Entry) -> list[KeyFigure]:
     cold, hot = ends
     name = f"proposed {cold['controller']}" if suited else cold["controller"]
     remark = f"{cold['temperature_degC']:g} → {hot['temperature_degC']:g} °C, {name}"
+
+    def figure(key: str, label: str, unit: str) -> KeyFigure:
+        if not is_left_open(result, ends, key):
+            return KeyFigure(label, pair_text(cold[key], hot[key], " → ", unit), remark)
+        if is_left_open(result, [cold], key):
+            return KeyFigure(label, "not determined", remark, "fair")
+        texts = [f"{end['temperature_degC']:g} °C" for end in ends]
+        value = pair_text(cold[key], None, " → ", unit)
+        return KeyFigure(label, value, f"{texts[0]} → {texts[1]} (not determined), {name}", "fair")
+
     return [
-        KeyFigure(label, "not determined", remark, "fair")
-        if is_left_open(result, ends, key)
-        else KeyFigure(label, pair_text(cold[key], hot[key], " → ", unit), remark)
+        figure(key, label, unit)
         for key, label, unit in (
             ("rise_time_s", "Rise time", "s"),
             ("overshoot_percent", "Overshoot", "%")

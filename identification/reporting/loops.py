@@ -151,11 +151,16 @@ def loop_sentence(result: Entry) -> str:
         for name, unit in units.items()
         if name not in left_open
     ]
+    hot_alone = f" at {hot['temperature_degC']:g} °C"
+    undetermined = [
+        words[name] + ("" if is_left_open(result, [cold], name) else hot_alone)
+        for name in left_open
+    ]
     sentence = (
         f"{lead}, heating from {cold['temperature_degC']:g} °C to {hot['temperature_degC']:g} °C "
         f"changes {listed(changes)}"
     )
-    return "; these runs do not determine ".join([sentence, *(words[n] for n in left_open)]) + "."
+    return "; these runs do not determine ".join([sentence, *undetermined]) + "."
 
 
 def is_left_open(result: Entry, ends: Sequence[Entry], name: str) -> bool:

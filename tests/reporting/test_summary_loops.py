@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from identification.reporting.headline import (
@@ -87,6 +88,20 @@ def test_each_determined_loop_metric_is_reported(result: dict[str, Any]) -> None
     assert "changes the final value from" in told
     assert "; these runs do not determine the rise time." in told
     assert "the rise time from" not in told
+
+
+def test_cold_loop_is_reported_if_the_hot_one_is_undetermined(result: dict[str, Any]) -> None:
+    """Runs of a laboratory determine the loop at 25 degC and not at 125 degC."""
+    result["parameters"]["alpha_Ra"]["identified"] = False
+    result["feedback_suited"] = []
+    hot = result["feedback"][1]["rise_time_s"]
+    hot["q95"] = hot["q05"] + 200.0 * hot["median"]
+
+    told, figure = " ".join(summary_sentences(result)), key_figures(result)[1]
+
+    assert "; these runs do not determine the rise time at 125 °C." in told
+    assert re.fullmatch(r"[\d.]+ → – ms", figure.value)
+    assert "125 °C (not determined)" in figure.remark
 
 
 def test_an_unknown_without_influence_leaves_the_loop_determined(result: dict[str, Any]) -> None:
