@@ -130,7 +130,10 @@ class AccessService:
     def caller_of_key(self, secret: str) -> Caller:
         """Client authenticated by a key that is neither revoked nor expired."""
         query = select(KeyRow).where(KeyRow.digest == _digest(secret))
-        refusal = "the key is not valid; the operator creates one with motorid keys create"
+        refusal = (
+            "the key is not valid, or it has expired or was revoked; the operator creates one with "
+            "motorid keys create"
+        )
         return self._caller(secret, query, refusal)
 
     def open_keys(self, key_ids: Collection[str]) -> set[str]:

@@ -219,7 +219,9 @@ class AnalysisService:
         """Succeeded fit with its result."""
         fit = self._fits.get(caller, fit_id)
         if fit.result is None:
-            raise NotReady(f"{fit_id} is {fit.row.status}; only a succeeded fit has a result")
+            raise NotReady(
+                f"the fit {fit_id} is {fit.row.status}; only a succeeded fit has a result"
+            )
         return fit
 
     def history(

@@ -92,7 +92,7 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> list[
     stored = _stored(
         session, caller.workspace, [run_id for run_id in named if is_id("run", run_id)]
     )
-    hashes = {run_id: sha256 for run_id, (sha256, _) in stored.items()}
+    hashes = {run_id: sha256 for run_id, (sha256, _, _) in stored.items()}
     shared: list[str | None] = []
     for position, request in enumerate(requests):
         place = f"motors.{position} ({request.motor or 'no name'}): " if len(requests) > 1 else ""
@@ -103,10 +103,10 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> list[
                 )
         fitted = {hashes[run_id]: run_id for run_id in request.training}
         for run_id in request.validation:
-            if hashes[run_id] in fitted:
+            if same := fitted.get(hashes[run_id]):
                 raise FieldRefused(
-                    f"{place}validation: {run_id} has the same bytes as "
-                    f"{fitted[hashes[run_id]]} in training; use runs that are not fitted",
+                    f"{place}validation: {stored[run_id][2]} ({run_id}) has the same bytes as "
+                    f"{stored[same][2]} ({same}) in training; use runs that are not fitted",
                     "validation",
                 )
         motors = {stored[run_id][1] for run_id in (*request.training, *request.validation)}
@@ -116,16 +116,17 @@ def check_runs(session: Session, caller: Caller, *requests: FitRequest) -> list[
 
 def _stored(
     session: Session, workspace: str, run_ids: Sequence[str]
-) -> dict[str, tuple[str, str | None]]:
-    """SHA-256 and motor of those runs that exist, by ID; locks their rows against deletion."""
+) -> dict[str, tuple[str, str | None, str]]:
+    """SHA-256, motor and file of the runs that exist, by ID; locks their rows against deletion."""
     # SQLite rates an index on the workspace as more selective than 500 IDs and would read all runs
     # of the workspace in each query.  No index applies to an expression.
     is_theirs = RunRow.workspace.concat("") == workspace
-    found: dict[str, tuple[str, str | None]] = {}
+    found: dict[str, tuple[str, str | None, str]] = {}
+    columns = RunRow.id, RunRow.sha256, RunRow.motor, RunRow.file
     for some in portions(run_ids):
-        query = select(RunRow.id, RunRow.sha256, RunRow.motor).where(RunRow.id.in_(some), is_theirs)
+        query = select(*columns).where(RunRow.id.in_(some), is_theirs)
         rows = session.execute(query.with_for_update(read=True))
-        found.update((run_id, (sha256, motor)) for run_id, sha256, motor in rows)
+        found.update((run_id, (sha256, motor, file)) for run_id, sha256, motor, file in rows)
     return found
 
 

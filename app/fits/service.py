@@ -186,7 +186,7 @@ class FitService:
     def _succeeded(self, caller: Caller, fit_id: str) -> FitRow:
         row = self.row(caller, fit_id)
         if row.status != "succeeded":
-            raise NotReady(f"{fit_id} is {row.status}; only a succeeded fit has outputs")
+            raise NotReady(f"the fit {fit_id} is {row.status}; only a succeeded fit has outputs")
         return row
 
     def _fit(

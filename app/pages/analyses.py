@@ -226,7 +226,7 @@ def compare_page(
         both.sort(key=lambda one: one.row.created_at)
         steps, problem = _compared_steps(services, caller, both)
         comparison = comparison_view([one.result or {} for one in both], steps)
-    elif chosen and not after:
+    elif len(fit or ()) > 1 and not after:
         problem = f"Select two different fits (selected: {len(chosen)})."
     selected = [fit_view(FitSummary.of(one), {}) for one in both]
     return page(

@@ -153,7 +153,9 @@ class PendingRuns:
                 with copy.open("xb") as target:
                     shutil.copyfileobj(file, target)
         except FileNotFoundError as error:
-            raise FileLost(f"the file of {run_id} is missing; upload it again") from error
+            raise FileLost(
+                f"the stored file {run.file} ({run_id}) is missing; upload it again"
+            ) from error
         found = self._reader.pending(copy, run.file, run.mapping, is_of_bench=False)
         self._keep(
             caller, copy, found, sha256=run.sha256, bytes=run.bytes, file=run.file, motor=run.motor

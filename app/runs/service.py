@@ -167,8 +167,8 @@ class RunService:
             fit_id = session.scalars(unfinished).one_or_none()
             if fit_id is not None:
                 raise RunInUse(
-                    f"{run_id} is used by the unfinished fit {fit_id}; cancel the fit or wait "
-                    "for its end"
+                    f"{row.file} ({run_id}) is used by the unfinished fit {fit_id}; cancel the fit "
+                    "or wait for its end"
                 )
             session.delete(row)
         self._storage.remove_run(run_id)

@@ -120,7 +120,8 @@ def test_validation_on_the_bytes_of_a_training_run_is_refused(alice: Caller, sto
         answer = alice.http.post(path, json=body)
 
         assert_is_problem(answer, 422)
-        assert f"{same} has the same bytes as {stored} in training" in answer.json()["detail"]
+        detail = answer.json()["detail"]
+        assert f"run.csv ({same}) has the same bytes as run.csv ({stored}) in training" in detail
 
 
 @pytest.mark.parametrize("key", ["", "a b", "x" * 256, "naïve", "tab\there"])
