@@ -17,7 +17,7 @@ from identification.fit.solve import Fit, TerminationLimits
 from identification.selection.candidates import scales_of
 from identification.selection.evidence import EvaluatedModel
 from identification.selection.policy import SelectionPolicy
-from identification.selection.refit import refitted_with
+from identification.selection.refit import refitted_with, with_exchanged_lags
 from identification.selection.start import Start, traded
 from identification.selection.trials import Trials
 
@@ -43,7 +43,7 @@ def with_filters(trials: Trials, before: EvaluatedModel) -> EvaluatedModel:
         # The inductance lags both channels, so that both filters take the same lag.
         slow = refitted_with(fit, of_current.final, [start], TerminationLimits(0))
         fits.append(refitted_with(slow, of_speed.final, [Start(start.values)], trials.limits()))
-    best = min(fits, key=lambda one: one.cost)
+    best = with_exchanged_lags(min(fits, key=lambda one: one.cost), trials.limits())
     if not np.isfinite(best.cost):
         return before
     model = trials.evaluate(trials.finished(best))

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from identification.effects.effect import AbstractEffect, Candidate, effects_of
+from identification.effects.sensor import CurrentFilter, SpeedFilter
 from identification.fit.order_tracking import tracked
 from identification.fit.own_states import amplitude_sizes
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
@@ -17,6 +18,7 @@ from identification.model.parameter import Coordinates
 from identification.model.term import AbstractTerm
 from identification.model.weighting import Weighting
 from identification.selection.candidates import candidates_of
+from identification.selection.exchanged import exchanged
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.screen import screened
 from identification.selection.start import (
@@ -36,6 +38,7 @@ __all__ = [
     "refitted_with",
     "refitted_without",
     "swapped",
+    "with_exchanged_lags",
     "with_known_amplitudes",
 ]
 
@@ -58,10 +61,7 @@ def refitted_with(
     began = operations()
     found = _refitted(fit, model, starts, limits)
     if term.equation == "thermal" and has_odd_coefficients(fit):
-        again = limits
-        if limits.budget is not None:
-            again = replace(limits, budget=Budget(limits.budget.left + (operations() - began)))
-        other = _refitted(with_usual_coefficients(fit), model, starts, again)
+        other = _refitted(with_usual_coefficients(fit), model, starts, _extended(limits, began))
         found = min(found, other, key=lambda one: one.cost)
     return found
 
@@ -73,8 +73,31 @@ def fitted_candidate(
 
     What the parameters have absorbed of it may hold the fit at a local optimum near its start, as a
     large inductance does beside a filter of the current.  A second fit then starts where they have
-    returned it, and the better fit is returned.
+    returned it.  Two more give a filter the other lags of its channel.  The best fit is returned.
     """
+    began = operations()
+    found = _returned(fit, candidate, starts, limits)
+    if isinstance(candidate.final, CurrentFilter | SpeedFilter):
+        return with_exchanged_lags(found, _extended(limits, began))
+    return found
+
+
+def with_exchanged_lags(fit: Fit, limits: TerminationLimits = _LIMITS) -> Fit:
+    """The best of the fit and of those from its starts with other lags in the filters of sensors.
+
+    Far from its optimum, a fit does not foresee the cost that it reaches; none is abandoned.
+    """
+    began, fits = operations(), [fit]
+    for start in exchanged(fit):
+        own = replace(_extended(limits, began), abandon_cost=np.inf, reference=fit.cost)
+        fits.append(_refitted(fit, fit.simulator.model, [start], own))
+    return min(fits, key=lambda one: one.cost)
+
+
+def _returned(
+    fit: Fit, candidate: Candidate, starts: Sequence[Start], limits: TerminationLimits
+) -> Fit:
+    """Fit with a candidate, from its starts and from those that return what was absorbed of it."""
     returned, began = traded(fit, candidate), operations()
     found = refitted_with(fit, candidate.final, [*starts, *returned], limits)
     before, after = fit.by_name, found.by_name
@@ -83,11 +106,16 @@ def fitted_candidate(
         most |= {name: max(most.get(name, 0.0), factor) for name, factor in factors.items()}
     if all(after[name] <= factor * before[name] for name, factor in most.items() if factor < 1.0):
         return found
-    if limits.budget is not None:
-        limits = replace(limits, budget=Budget(limits.budget.left + (operations() - began)))
     moved = [replace(start, is_moved=True) for start in returned]
-    other = refitted_with(fit, candidate.final, moved, limits)
+    other = refitted_with(fit, candidate.final, moved, _extended(limits, began))
     return min(found, other, key=lambda one: one.cost)
+
+
+def _extended(limits: TerminationLimits, began: float) -> TerminationLimits:
+    """The limits with a budget as large as it was before the operations since `began`."""
+    if limits.budget is None:
+        return limits
+    return replace(limits, budget=Budget(limits.budget.left + (operations() - began)))
 
 
 def refitted_as(fit: Fit, term: AbstractTerm, limits: TerminationLimits = _LIMITS) -> Fit:
