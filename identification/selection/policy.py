@@ -62,8 +62,8 @@ class SelectionPolicy:
     curve_underestimate: float = 2.0
     """The same for a curve [-], which has no shape parameter: the prediction is nearly exact."""
     predicted_share: float = 0.1
-    """Fraction of the largest predicted gain below which no candidate is refitted [-]; the next
-    round predicts all gains anew."""
+    """Fraction of the largest predicted gain below which no candidate of a batch is refitted [-];
+    the next round predicts all gains anew."""
     close_share: float = 0.15
     """Fraction of the best gain by which a fit may fall behind and still be finished [-]: first
     refits stop early and are only as accurate as that."""
@@ -79,7 +79,9 @@ class SelectionPolicy:
     rounds: int = 6
     """Rounds; each adds at most one effect.  Most motors have none or one (decision 0008)."""
     candidates: int = 7
-    """Candidates refitted in one round."""
+    """Candidates refitted in one batch."""
+    batches: int = 2
+    """Batches of one round; a further one is refitted if all candidates before it fail."""
     rivals: int = 4
     """Candidates refitted in place of one effect."""
     curves: int = 4

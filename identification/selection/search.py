@@ -5,7 +5,8 @@
      2  repeat while the budget of the catalogue lasts, at most `rounds` times;
             a round that accepts an effect is not charged to the budget
      3      predict the gain of every candidate given M (Rao score)       Trials.scores
-     4      refit the candidates with the largest predicted gain          Trials.refits
+     4      refit the candidates with the largest predicted gain;
+            if all fail in 5, once more those after them                  Trials.refits
      5      M <- the best that meets the acceptance criteria              steps.accept
      6          none: the catalogue is exhausted, leave the loop
      7      M <- filters as in 1, then extended variants and rival laws

@@ -74,12 +74,20 @@ class State:
 
 
 def forward(state: State) -> bool:
-    """Add the best candidate that meets the acceptance criteria; return False if there is none."""
+    """Add the best candidate that meets the acceptance criteria; return False if there is none.
+
+    A prediction can be too large as well as too small: if the candidates with the largest predicted
+    gains fail, those are refitted whose gains are the largest without them.
+    """
     trials, current, round_ = state.trials, state.current, state.round + 1
-    scores = trials.scores(current)
-    wanted = _with_worthwhile_gain(trials, current, scores, trials.policy.candidates)
-    accepted = accept(state, wanted)
-    refitted = {score.structure for score in wanted}
+    scores, accepted, refitted = trials.scores(current), None, set[tuple[str, str]]()
+    for _ in range(trials.policy.batches):
+        left = [score for score in scores if score.structure not in refitted]
+        wanted = _with_worthwhile_gain(trials, current, left, trials.policy.candidates)
+        accepted = accept(state, wanted, round_=round_)
+        refitted |= {score.structure for score in wanted}
+        if accepted is not None or not wanted or trials.budget.spent:
+            break
     for score in with_predicted_gain(scores, len(scores)):
         if score.structure not in refitted:
             state.note(score, round_, None, chosen=False)
@@ -93,14 +101,14 @@ def forward(state: State) -> bool:
 
 
 def accept(
-    state: State, wanted: Sequence[Score], abandon_cost: float = np.inf
+    state: State, wanted: Sequence[Score], abandon_cost: float = np.inf, round_: int | None = None
 ) -> EvaluatedModel | None:
     """Refit candidates and return the best model that meets the acceptance criteria, or None.
 
-    The candidates, the largest predicted gain first, are added to `searched` of the state; a fit
-    above `abandon_cost` is dropped.
+    The candidates, the largest predicted gain first, are added to `searched` of the state, under a
+    new round if None is given; a fit above `abandon_cost` is dropped.
     """
-    trials, current, round_ = state.trials, state.current, state.round + 1
+    trials, current, round_ = state.trials, state.current, round_ or state.round + 1
     fits = trials.refits(current, wanted, abandon_cost)
     models = trials.finish_best(current, fits)
     finished = len(models)
@@ -128,22 +136,16 @@ def _without_fit(wanted: Sequence[Score], fits: Sequence[tuple[Score, object]]) 
     return [score for score in wanted if all(score is not fitted for fitted, _ in fits)]
 
 
-def _least_gain(trials: Trials, model: EvaluatedModel, without: str = "") -> float:
-    """Predicted gain below which no candidate is refitted, the type `without` left aside."""
-    gains = [s.gain for s in trials.scores(model) if s.candidate.term.name != without]
-    most = max(gains, default=0.0)
-    return max(trials.worth_a_refit(model), trials.policy.predicted_share * most)
-
-
 def _with_worthwhile_gain(
-    trials: Trials, model: EvaluatedModel, scores: Sequence[Score], count: int, without: str = ""
+    trials: Trials, model: EvaluatedModel, scores: Sequence[Score], count: int
 ) -> list[Score]:
-    """Candidates of a model that are worth a refit, the type `without` left aside.
+    """Candidates of a model that are worth a refit.
 
     Amplitudes that are free in each record gain by chance in each of them: a candidate is left out
     if its predicted gain would not be significant even if it were underestimated as far as any.
     """
-    records, least = len(model.fit.states), _least_gain(trials, model, without)
+    records, most = len(model.fit.states), max((score.gain for score in scores), default=0.0)
+    least = max(trials.worth_a_refit(model), trials.policy.predicted_share * most)
     likely = [
         score
         for score in scores
@@ -273,7 +275,7 @@ def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[Evaluate
     scores = [
         s for s in scores if s.gain * trials.underestimate(simpler, s.candidate.term) > needed
     ]
-    wanted = _with_worthwhile_gain(trials, simpler, scores, policy.rivals, without=name)
+    wanted = _with_worthwhile_gain(trials, simpler, scores, policy.rivals)
     for score in wanted:
         doubtful = trials.doubtful(simpler, score)
         if doubtful is not None:

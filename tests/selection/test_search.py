@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from bench import EffectRequest, Noise, make_campaign
@@ -14,9 +16,11 @@ from identification.selection import trials
 from identification.selection.outcome import Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.search import _is_overrun, search
+from identification.selection.steps import State, forward
 from identification.selection.trials import Trials
 from identification.work import Budget, metered
 from tests.effects.hidden import records_of_bench
+from tests.selection.extended import frictions
 
 
 def _outcome(motor: str, effects: list[str], seed: int) -> Outcome:
@@ -216,3 +220,18 @@ def test_the_curves_have_a_quarter_of_the_budget_whatever_the_rounds_leave(
 
     assert _is_overrun(cache) is is_overrun
     assert cache.budget.left == pytest.approx(max(left, 25.0))
+
+
+def test_a_candidate_is_fitted_after_those_with_far_larger_predicted_gains_have_failed() -> None:
+    """Coulomb friction is hidden; a sag of Kt is predicted to gain ten thousand times as much."""
+    trials, declared, best = frictions()
+    truth, wrong = best["coulomb_friction"], best["flux_saturation"]
+    small = 2.0 * trials.worth_a_refit(declared)
+    trials._scores[frozenset()] = [replace(wrong, gain=1e4 * small), replace(truth, gain=small)]
+    state = State(trials, declared, declared)
+
+    assert forward(state)
+
+    (term,) = state.current.fit.simulator.model.terms
+    assert term.name == "coulomb_friction"
+    assert {one.round for one in state.searched} == {1}
