@@ -120,7 +120,6 @@ class AbstractEffect(AbstractTerm):
         laws: Other classes with the same name, among the candidates of this one.
         amplitude_scale: Field with the standard deviation of the amplitudes that are free in each
             record, of an effect that can have such amplitudes.
-        recurs: Whether an effect of single runs may act alike in several runs.
         heats: True if the sum of its states is a rise of the winding by its own losses [K].
     """
 
@@ -130,7 +129,6 @@ class AbstractEffect(AbstractTerm):
     moments: ClassVar[tuple[str, ...]] = ()
     laws: ClassVar[tuple[type[AbstractEffect], ...]] = ()
     amplitude_scale: ClassVar[str] = ""
-    recurs: ClassVar[bool] = False
     heats: ClassVar[bool] = False
 
     @classmethod
@@ -207,22 +205,24 @@ class AbstractEffect(AbstractTerm):
 
 @dataclass(frozen=True)
 class AbstractRunEffect(AbstractEffect):
-    """Effect of single runs: simulated in all runs at once, then scored for each run."""
+    """Effect of some runs: simulated in all runs at once, then scored for each run and for sets."""
 
     run: int | None
     """Number of the run; None for all runs, as the score test requires."""
+    others: tuple[int, ...] = field(default=(), kw_only=True)
+    """Numbers of further runs with the same effect."""
 
     @property
     def runs(self) -> tuple[int, ...]:
-        return () if self.run is None else (self.run,)
+        return () if self.run is None else (self.run, *self.others)
 
     @property
     def variant(self) -> str:
         return runs_text(self.runs) if self.runs else ""
 
     def in_runs(self, run: int, *others: int) -> Self:
-        """The effect in one run, or in `run` and `others` if it recurs."""
-        return replace(self, run=run)
+        """The effect in one run, or in `run` and `others`."""
+        return replace(self, run=run, others=others)
 
 
 class AbstractForced(AbstractEffect):
@@ -291,7 +291,7 @@ class Candidate:
         return isinstance(self.term, AbstractRunEffect) and not self.term.runs
 
     def in_runs(self, run: int, *others: int) -> Candidate:
-        """The candidate restricted to one run, or to `run` and `others` if it recurs."""
+        """The candidate restricted to one run, or to `run` and `others`."""
         assert isinstance(self.term, AbstractRunEffect)
         return replace(self, term=self.term.in_runs(run, *others))
 

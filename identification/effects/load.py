@@ -148,8 +148,6 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
     """Width of an edge [s]."""
     duration: float
     """Duration of the longest run [s]."""
-    others: tuple[int, ...] = ()
-    """Numbers of further runs with the load at the same time."""
 
     name = "load_step"
     confusions = (SINGLE_RUN,)
@@ -157,15 +155,7 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
     drivers = ("time",)
     moments = ("start", "stop")
     scope = "one span"
-    recurs = True
     source = "Krishnan, Electric Motor Drives (2001), section 2.3"
-
-    @property
-    def runs(self) -> tuple[int, ...]:
-        return (*super().runs, *self.others)
-
-    def in_runs(self, run: int, *others: int) -> LoadStep:
-        return replace(self, run=run, others=others)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -225,9 +215,9 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
 @register
 @dataclass(frozen=True)
 class InertiaChange(AbstractRunEffect, AbstractCoefficient):
-    """Different inertia in one run, after a change of coupling or load.
+    """Different inertia in one run or several runs, after a change of coupling or load.
 
-    J -> J (1 + d)   in run r                                           [kg m^2]
+    J -> J (1 + d)   in these runs                                      [kg m^2]
     """
 
     name = "inertia_change"

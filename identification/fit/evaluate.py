@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.effects.effect import AbstractEffect, effects_of
+from identification.effects.effect import AbstractEffect, AbstractRunEffect, effects_of
 from identification.fit.initial import fitted_initial_states
 from identification.fit.order_tracking import is_tracked, tracked
 from identification.fit.own_states import state_covariances
@@ -22,6 +22,7 @@ __all__ = [
     "Simulated",
     "largest_heating",
     "simulate_fitted",
+    "simulate_most_alike",
     "simulate_unseen",
     "voltage_noise_power",
     "median_start",
@@ -82,6 +83,32 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
         Simulated(record, y[:, :, 0], initial)
         for record, y, initial in zip(simulator.records, logged, states, strict=True)
     ]
+
+
+def simulate_most_alike(
+    fit: Fit, records: Sequence[Record], *, whole: bool = False
+) -> list[Simulated]:
+    """Simulate validation records, each as one of the runs that it is most like.
+
+    What several runs have in common, such as a disk on the shaft, a further run may have or not;
+    only its own samples show which.
+    """
+    found = simulate_unseen(fit, records, whole=whole)
+    for term in effects_of(fit.simulator.model.terms):
+        if term.scope != "some runs" or not isinstance(term, AbstractRunEffect) or not term.others:
+            continue
+        run = float(term.runs[0])
+        there = [record.with_inputs({"run": np.full(record.rows, run)}) for record in records]
+        pairs = zip(found, simulate_unseen(fit, there, whole=whole), strict=True)
+        found = [min(pair, key=lambda one: _misfit(one, fit)) for pair in pairs]
+    return found
+
+
+def _misfit(simulated: Simulated, fit: Fit) -> float:
+    """Sum of the weighted squares of both channels, in variances of the noise; infinite if any."""
+    scaled = simulated.residual / fit.weighting.deviation
+    total = float(np.sum(simulated.record.weight * scaled * scaled))
+    return total if np.isfinite(total) else np.inf
 
 
 def voltage_noise_power(fit: Fit) -> Array:

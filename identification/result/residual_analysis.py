@@ -22,6 +22,7 @@ from identification.fit.evaluate import (
     heating_effects,
     largest_heating,
     simulate_fitted,
+    simulate_most_alike,
     simulate_unseen,
 )
 from identification.fit.noise import noise_deviation
@@ -78,7 +79,7 @@ class ResidualAnalysis:
         if whole and smooth is not None:
             start = replace(fit, simulator=fit.simulator.changed_to(smooth, fit.values))
             records = [one.record for one in simulate_unseen(start, records, whole=True)]
-        return simulate_unseen(fit, records, whole=whole)
+        return simulate_most_alike(fit, records, whole=whole)
 
     @cached_property
     def before(self) -> Detection | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.diagnosis.outliers import outlying_run_warnings, root_mean_square
+from identification.effects.effect import AbstractRunEffect, effects_of, runs_text
 from identification.fit.evaluate import Simulated
 from identification.result.entries import NEAR_NOISE, NOTHING
 from identification.result.numbers import number_text, percent_text
@@ -120,7 +121,27 @@ def worse_runs(analysis: ResidualAnalysis) -> list[ResultWarning]:
         return []
     before, after = (analysis.simulated[stage]["validation"] for stage in ("before", "after"))
     names = [found.name for found in analysis.outcome.effects]
-    return worse_warnings(before, after, analysis.noise, names)
+    return [*worse_warnings(before, after, analysis.noise, names), *_changed_runs(analysis, after)]
+
+
+def _changed_runs(
+    analysis: ResidualAnalysis, validation: Sequence[Simulated]
+) -> list[ResultWarning]:
+    """Notes on validation runs that have a change of several training runs, as a disk."""
+    terms = effects_of(analysis.final.simulator.model.terms)
+    alike = {s.record.name: float(s.record.column("run")[0]) for s in validation}
+    own = {s.record.name: s.record.run for s in validation}
+    return [
+        ResultWarning(
+            "change_in_validation",
+            "note",
+            f"{name}: its samples show the {term.name} of {runs_text(term.runs)}, with which it is "
+            "simulated; predictions and step responses are without it",
+        )
+        for name, run in alike.items()
+        for term in terms
+        if run != own[name] and isinstance(term, AbstractRunEffect) and run == term.runs[0]
+    ]
 
 
 def worse_warnings(

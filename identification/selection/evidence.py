@@ -25,7 +25,7 @@ from identification.arrays import Array
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
-from identification.fit.evaluate import median_start, simulate_unseen, voltage_noise_power
+from identification.fit.evaluate import median_start, simulate_most_alike, voltage_noise_power
 from identification.fit.order_tracking import path_size
 from identification.fit.solve import Fit
 from identification.linear import least_squares
@@ -261,7 +261,7 @@ def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
     if not campaign.validation:
         return EvaluatedModel(fit, fraction, None, noise)
     own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
-    simulated = simulate_unseen(fit, campaign.validation, whole=own)
+    simulated = simulate_most_alike(fit, campaign.validation, whole=own)
     total, fourth, count = np.zeros(2), np.zeros(2), np.zeros(2)
     for s in simulated:
         residual = fit.weighting.both_whitened(s.residual)

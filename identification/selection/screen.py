@@ -162,7 +162,7 @@ def _scores(residual: Residual, candidate: Candidate, deviations: list[Array]) -
 def _scores_by_run(
     residual: Residual, candidate: Candidate, deviations: Sequence[Array]
 ) -> list[Score]:
-    """Scores of starts in single runs and, if the event can recur, in several runs together."""
+    """Scores of starts in single runs and in several runs together."""
     lanes, records = candidate.lanes, residual.fit.simulator.records
     runs = list(dict.fromkeys(record.run for record in records))
     numbers = [runs.index(record.run) for record in records]
@@ -177,7 +177,7 @@ def _scores_by_run(
                 replace(score, control=_control(projection, [number], lane, lanes))
                 for score in _scores_from(single.in_runs(run), projection.of(own))
             ]
-    for lane in range(lanes if candidate.term.recurs else 0):
+    for lane in range(lanes):
         recurrence = projection.of(slice(lane, None, lanes))
         for score in recurring(
             candidate, lane, recurrence.onto_residual, recurrence.products, recurrence.along, runs

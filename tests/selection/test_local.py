@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 MOTOR = motor_named("servo 100 W")
 TORQUE = 0.1
-STEP = LoadStep(0, 1.0, 2e-3, 0.8, (2,))
+STEP = LoadStep(0, 1.0, 2e-3, 0.8, others=(2,))
 VALUES = np.array([*MOTOR.vector, TORQUE, 0.2, 0.5])
 CURVE = MissingTorque("time", "", 1.0, 0.0, 2.4, 1.0, 1.0, 1.0, (0.0, 0.8, 1.6, 2.4))
 
@@ -103,6 +103,38 @@ def test_a_changed_inertia_in_the_longest_run_is_of_that_run() -> None:
     best = {s.candidate.term.runs: s.gain for s in reversed(scores) if s.candidate.term.runs}
     assert np.median([best[(0,)], best[(2,)]]) > best[(1,)] / 4
     assert {s.candidate.term.runs for s in without_shared(scores)} == {(1,)}
+
+
+def test_a_disk_on_the_shaft_in_some_runs_is_a_change_of_inertia_in_those_runs() -> None:
+    """Runs 2 and 4 of five have 3.4 times the inertia, and of two for validation the second.
+
+    Which of these has the disk is seen in its samples alone, and said.
+    """
+    share = 3.4
+    values = (*MOTOR.values[:4], share * MOTOR.values[4], *MOTOR.values[5:])
+    plain = campaign(MOTOR, seed=7, runs=4, rows=800)
+    disk = campaign(replace(MOTOR, values=values), seed=9, runs=3, rows=800)
+    runs = [plain[0], disk[0], plain[1], disk[1], plain[2], plain[3], disk[2]]
+    named = [replace(run, name=f"{k}.csv", sha256=f"{k:064d}") for k, run in enumerate(runs)]
+
+    result: Any = identify(named[:5], named[5:], FitOptions(posterior=False)).result
+
+    (effect,) = result["effects"]
+    assert effect["name"] == "inertia_change"
+    change = 1.0 + effect["parameters"]["change"]["estimate"]
+    inertia = result["parameters"]["J"]["estimate"]
+    if effect["variant"] == "runs 2 and 4":
+        without, with_disk = inertia, change * inertia
+    else:
+        assert effect["variant"] == "runs 1, 3 and 5"
+        without, with_disk = change * inertia, inertia
+    assert without == pytest.approx(MOTOR.values[4], rel=0.02)
+    assert with_disk == pytest.approx(share * MOTOR.values[4], rel=0.02)
+    errors = result["errors"]["after"]["validation"]
+    assert all(entry["noise_ratio"] < 1.2 for entry in errors.values())
+    codes = [detail["code"] for detail in result["warning_details"]]
+    said = result["warnings"][codes.index("change_in_validation")]
+    assert said.startswith("6.csv" if effect["variant"] == "runs 2 and 4" else "5.csv")
 
 
 def test_given_the_true_change_other_runs_gain_nothing() -> None:
