@@ -21,6 +21,7 @@ from identification.checks.dead import (
     stuck_findings,
     unlogged_voltage_findings,
 )
+from identification.checks.driven import driven_findings
 from identification.checks.finding import Finding, Omission
 from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
@@ -98,7 +99,7 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     }
     healthy = [run for run in runs if run.name not in electrical]
     estimates = [e for run in healthy if (e := estimate_of(run)) is not None]
-    contradictions = consistency_findings(estimates)
+    contradictions = [*driven_findings(healthy, estimates), *consistency_findings(estimates)]
     decided = {(f.code, f.file) for f in contradictions}
     found = [f for f in found if (f.code, f.file) not in decided] + contradictions
     odd = {f.file for f in found}
