@@ -73,6 +73,15 @@ class AcceptanceCriteria:
         return not self.refusal
 
     @property
+    def is_unconfirmed(self) -> bool:
+        """True if the effect is significant and large enough, but refused all the same.
+
+        The residual then has structure that this effect follows and does not explain.
+        """
+        is_found = self.gain > self.needed and self.training > self.policy.least_fall
+        return is_found and not self.passed
+
+    @property
     def refines(self) -> bool:
         """True if an extended variant of an accepted effect is accepted.
 

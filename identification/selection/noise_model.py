@@ -25,11 +25,14 @@ __all__ = ["under_noise_model", "with_ordinary_noise"]
 def under_noise_model(state: State) -> State | None:
     """State of a search that continues from the current model with the noise model of its residual.
 
-    None if the residual is white and normal or holds more than noise, and if angles are tracked:
-    they are tracked in the residual itself.
+    None if the residual is white and normal or holds more than noise: a candidate of the last round
+    is significant, but was refused.  None as well if angles are tracked: they are tracked in the
+    residual itself.
     """
     fit, trials = state.current.fit, state.trials
-    if is_tracked(fit.simulator.model):
+    last = [one.criteria for one in state.searched if one.round == state.round]
+    is_structured = any(one is not None and one.is_unconfirmed for one in last)
+    if is_structured or is_tracked(fit.simulator.model):
         return None
     current = with_noise_model(fit)
     if current is fit or not current.converged:

@@ -114,14 +114,10 @@ def search(
     is_complete = not _is_overrun(trials) and end != "cut short"
     add_curve(state, is_exhausted=end == "exhausted")
     report((policy.rounds + 1) / (policy.rounds + 2))
-    again = under_noise_model(state) if end == "exhausted" and not listed.spent else None
-    if again is not None:
-        state = again
-        enrich(state)
-        end = _rounds(state, listed, lambda fraction: None, is_new=False)
-        add_curve(state, is_exhausted=end == "exhausted")
+    again = _continued(state, listed) if end == "exhausted" and not listed.spent else None
+    state, found, end = again or (state, _effects_of(state), end)
     is_complete &= not budget.spent and end != "cut short"
-    effects = tuple(_effects_of(state))
+    effects = tuple(found)
     traces = traced(trials.curves(nominal)) if effects else ()
     final = state.current.fit if is_part else state.trials.final(state.current)
     fit = with_known_amplitudes(with_ordinary_noise(final))
@@ -153,6 +149,20 @@ def _rounds(state: State, listed: Budget, report: Callable[[float], None], *, is
         backward(state)
         exchange(state)
     return "exhausted"
+
+
+def _continued(state: State, listed: Budget) -> tuple[State, list[Found], _End] | None:
+    """Lines 15 and 16 under the noise model: the state, its effects, and why the rounds ended.
+
+    None if the residual needs no noise model.
+    """
+    again = under_noise_model(state)
+    if again is None:
+        return None
+    enrich(again)
+    end = _rounds(again, listed, lambda fraction: None, is_new=False)
+    add_curve(again, is_exhausted=end == "exhausted")
+    return again, _effects_of(again), end
 
 
 def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool, bool]:

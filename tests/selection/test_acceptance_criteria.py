@@ -12,7 +12,7 @@ from bench import make_campaign
 from identification.effects.load import LoadStep
 from identification.effects.thermal import SelfHeating
 from identification.fit.declared import fit_declared
-from identification.fit.evaluate import Simulated, simulate_unseen
+from identification.fit.evaluate import Simulated, simulate_most_alike
 from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import Record, records_of
 from identification.selection import evidence, trials
@@ -134,10 +134,10 @@ def test_a_term_without_which_a_validation_run_diverges_is_kept(
     runs = work.campaign
 
     def diverging(fit: Fit, records: Sequence[Record], *, whole: bool) -> list[Simulated]:
-        found = simulate_unseen(fit, records, whole=whole)
+        found = simulate_most_alike(fit, records, whole=whole)
         return [replace(each, logged=np.full_like(each.logged, np.nan)) for each in found]
 
-    monkeypatch.setattr(evidence, "simulate_unseen", diverging)
+    monkeypatch.setattr(evidence, "simulate_most_alike", diverging)
     lost, worse = (evaluated(m.fit, runs, m.fraction) for m in (declared, current))
 
     assert current.criteria(declared, tried=10).passed
