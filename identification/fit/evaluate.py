@@ -105,7 +105,7 @@ def simulate_most_alike(
 
 
 def _misfit(simulated: Simulated, fit: Fit) -> float:
-    """Sum of the weighted squares of both channels, in variances of the noise; infinite if any."""
+    """Sum of squares of both channels in variances of the noise; infinite if a run diverges."""
     scaled = simulated.residual / fit.weighting.deviation
     total = float(np.sum(simulated.record.weight * scaled * scaled))
     return total if np.isfinite(total) else np.inf
