@@ -66,6 +66,8 @@ class Pulses:
         return nearest
 
 
+# The angle of a speed below the normal numbers is zero; intervals never agree with it.
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def find_pulses(time: Array, speed: Array) -> Pulses | None:
     """Find the pulses of a tachometer in a logged speed, (n_sample,) [s] and [rad/s].
 

@@ -34,7 +34,7 @@ def check_time(time: Array, locator: SourceLocator) -> None:
         RepeatedTime: A time equals the previous one.
         BackwardTime: A time is less than the previous one.
     """
-    wrong = np.flatnonzero(np.diff(time) <= 0.0)
+    wrong = np.flatnonzero(time[1:] <= time[:-1])
     if not wrong.size:
         return
     sample = int(wrong[0]) + 1

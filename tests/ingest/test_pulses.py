@@ -12,6 +12,7 @@ from bench import make_campaign
 from identification.checks.joined import joints_of
 from identification.fit.declared import fit_declared
 from identification.ingest import read_run
+from identification.ingest.pulses import find_pulses
 from identification.model.excitation import records_of
 from tests.ingest.samples import ROWS, motor
 
@@ -109,3 +110,10 @@ def test_a_speed_from_pulses_is_neither_joined_nor_biased() -> None:
     assert not any(joints_of(run) for run in runs)
     moved = np.abs(fits[1].position - fits[0].position) / np.sqrt(np.diag(covariance))
     assert moved.max() < 4.0
+
+
+def test_the_smallest_number_is_no_speed_between_pulses() -> None:
+    """Its angle over a sample interval is below the smallest number, hence zero."""
+    speed = np.array([0.0, 5e-324, 0.0, 0.0, 0.0, 5e-324, 5e-324, 5e-324, 0.0, 0.0])
+
+    assert find_pulses(1e-3 * np.arange(10, dtype=np.float64), speed) is None

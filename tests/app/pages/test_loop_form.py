@@ -62,7 +62,7 @@ def test_a_decimal_comma_is_answered_with_the_decimal_point() -> None:
     """A comma separates numbers in other fields, so it is not read as a decimal sign."""
     with pytest.raises(FieldRefused, match="'2,5' is not a number; write 2.5$"):
         _ = DesignForm(duration="2,5").options
-    with pytest.raises(OptionError, match="rise_time '0,05' is not a number; write 0.05$"):
+    with pytest.raises(OptionError, match="rise time '0,05' is not a number; write 0.05$"):
         TuningForm.of({"rise_time": "0,05"}, {}).options()
     with pytest.raises(FieldRefused, match="'1,2,3' is not a number$"):
         _ = DesignForm(duration="1,2,3").options
