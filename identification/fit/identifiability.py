@@ -114,7 +114,7 @@ def precision_of(
 
 
 def _is_near_reference(fit: Fit) -> bool:
-    """Return True if the mean temperature of the runs is within `_NEAR` of 25 degC."""
+    """True if the mean temperature of the runs is within `_NEAR` of 25 degC."""
     mean = float(np.mean(np.concatenate([r.column("temperature") for r in fit.simulator.records])))
     return abs(mean - REFERENCE_TEMPERATURE_DEGC) <= _NEAR
 

@@ -54,7 +54,7 @@ def fit_curve(state: State) -> None:
 
 
 def is_curve_due(state: State) -> bool:
-    """Whether to fit a curve to the nominal model alone before the next round.
+    """True if a curve is to be fitted to the nominal model alone before the next round.
 
     If effects predict at least half of the gain that curves predict, an effect is refitted first,
     which is cheaper.  Otherwise, in round 1, a curve has to predict more than the accepted effect
@@ -70,7 +70,7 @@ def is_curve_due(state: State) -> bool:
 
 
 def is_far_better(state: State, curve: EvaluatedModel) -> bool:
-    """Whether a curve fits so much better than the effects that further rounds would not help.
+    """True if a curve fits so much better than the effects that more rounds would not help.
 
     After one effect, it has to gain three times as much, and no second effect may be predicted to
     gain most of the difference: two effects of the catalogue can be confounded with one curve in

@@ -71,6 +71,10 @@ def test_the_search_goes_on_under_the_noise_model_of_the_residual() -> None:
     assert state is not None
     assert state.nominal.fit.weighting.order > 0
     assert state.current.fraction > 0.9
+    errors = state.current.unseen
+    assert errors is not None
+    innovation = state.current.fit.weighting.deviation**2
+    np.testing.assert_allclose(errors.square, innovation, rtol=0.3)
 
 
 def test_an_ordinary_fit_from_a_whitened_one_is_the_ordinary_fit() -> None:
