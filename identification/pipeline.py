@@ -42,8 +42,7 @@ from identification.posterior.density import Posterior
 from identification.posterior.draws import final_draws, nominal_draws
 from identification.reporting.files import write_chain, write_outputs
 from identification.result.content import assemble
-from identification.result.findings import Findings
-from identification.result.residual_analysis import ResidualAnalysis
+from identification.result.findings import Findings, ResidualAnalysis
 from identification.selection.confounded import confounded_terms, unresolved_transients
 from identification.selection.curve_detail import curve_details
 from identification.selection.long import search_long

@@ -37,14 +37,15 @@ def account_of(
         return None
     by_name = {term.name: term for term in effects_of(final.simulator.model.terms)}
     diagnosis = result["diagnosis"]
-    sentences = [diagnosis["residual"].get("sentence", ""), _where(diagnosis["trace"])]
-    sentences += [_found_sentence(found, by_name[found.name]) for found in outcome.effects]
-    if not outcome.effects:
-        sentences.append(
-            "No effect of the catalogue improves on the nominal model by more than chance."
-        )
-    sentences += [_shifts(diagnosis.get("shifts", {}), list(by_name))]
-    sentences += [undrawn_sentence(tuple(by_name.values()))]
+    found = [_found_sentence(found, by_name[found.name]) for found in outcome.effects]
+    nothing = "No effect of the catalogue improves on the nominal model by more than chance."
+    sentences = [
+        diagnosis["residual"].get("sentence", ""),
+        _where(diagnosis["trace"]),
+        *(found or [nothing]),
+        _shifts(diagnosis.get("shifts", {}), list(by_name)),
+        undrawn_sentence(tuple(by_name.values())),
+    ]
     remaining = [diagnosis["remaining"].get("sentence", "")]
     remaining += [
         f"{warning[0].upper()}{warning[1:]}."
@@ -98,28 +99,25 @@ def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _found_sentence(found: Found, term: AbstractEffect) -> str:
-    words = effect_words(found.name).capitalize()
-    words += f" ({term.variant})" if term.variant else ""
-    training, unseen = found.criteria.training, found.criteria.validation
-    validation = (
-        "" if unseen is None else f" and {_change(unseen, training)} on the validation runs"
-    )
     if found.name == "unlisted":
         drivers = " and ".join(term.drivers) or "no driver"
-        is_law = isinstance(term, LAWS)
         missing = "voltage" if term.equation == "electrical" else "torque"
+        is_law = isinstance(term, LAWS)
         form = f"the law of a {term.variant}" if is_law else f"a curve over {drivers}"
         text = (
             f"No effect of the catalogue explains the missing {missing} of the {term.equation} "
-            f"equation; {form} represents it. With it, the simulation error, averaged over current "
-            f"and speed, {_change(training)} on the training runs{validation}."
+            f"equation; {form} represents it."
         )
     else:
-        text = (
-            f"{words} acts in the {term.equation} equation. With it, the simulation error, "
-            f"averaged over current and speed, {_change(training)} on the training "
-            f"runs{validation}."
-        )
+        variant = f" ({term.variant})" if term.variant else ""
+        words = effect_words(found.name).capitalize()
+        text = f"{words}{variant} acts in the {term.equation} equation."
+    training, unseen = found.criteria.training, found.criteria.validation
+    text += (
+        " With it, the simulation error, averaged over current and speed, "
+        f"{_change(training)} on the training runs"
+    )
+    text += "." if unseen is None else f" and {_change(unseen, training)} on the validation runs."
     if found.others:
         others = ", ".join(
             effect_words(name) + (f" ({100 * share:.0f} %)" if found.is_comparable else "")

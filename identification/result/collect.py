@@ -28,7 +28,6 @@ from identification.result.report_data import (
     PosteriorChain,
     ReportData,
     RunTraces,
-    SearchAccount,
 )
 from identification.speed_loop import AbstractController, StepCurve, step_curves
 
@@ -39,19 +38,25 @@ _POINTS: Final = 80
 
 def report_data(result: dict[str, Any], findings: Findings, created: str = "") -> ReportData:
     """Collect the report data; a section that cannot be computed is omitted with a remark."""
-    sample, attempts = findings.sample, Attempts()
+    sample, analysis, attempts = findings.sample, findings.analysis, Attempts()
+    final = analysis.final
+    coefficients = attempts.rows("curve over temperature", _coefficients, findings)
+    steps = attempts.rows("step response", _steps, findings)
+    missing = attempts.part("missing term", _missing, result, findings) or ([], [])
     return ReportData(
         result=result,
         runs=tuple(_runs(findings)),
-        coefficients=attempts.rows("curve over temperature", _coefficients, findings),
-        steps=attempts.rows("step response", _steps, findings),
+        coefficients=coefficients,
+        steps=steps,
         posterior=None
         if sample is None
         else PosteriorChain(
             sample.names, sample.units, sample.chain, REQUIRED_LENGTH, LARGEST_R_HAT
         ),
-        equations=tuple(printed_equations(findings.analysis.final.simulator.model).values()),
-        account=_account(result, findings, attempts),
+        equations=tuple(printed_equations(final.simulator.model).values()),
+        account=attempts.part(
+            "search for effects", account_of, analysis.judged, result, final, *missing
+        ),
         reasons=attempts.part("reason of a parameter", _reasons, findings) or {},
         undrawn=tuple(attempts.remarks),
         created=created,
@@ -78,16 +83,6 @@ def _steps(findings: Findings) -> list[StepCurve]:
     return steps
 
 
-def _account(
-    result: dict[str, Any], findings: Findings, attempts: Attempts
-) -> SearchAccount | None:
-    """Account of the effect search, with plots of the missing voltage or torque."""
-    found = attempts.part("missing term", _missing, result, findings)
-    terms, traces = found or ([], [])
-    judged, final = findings.analysis.judged, findings.analysis.final
-    return attempts.part("search for effects", account_of, judged, result, final, terms, traces)
-
-
 def _missing(
     result: dict[str, Any], findings: Findings
 ) -> tuple[list[MissingTerm], list[MissingTrace]]:
@@ -108,15 +103,14 @@ def _missing(
 
 def _runs(findings: Findings) -> list[RunTraces]:
     traces = []
-    changed = findings.analysis.final is not findings.analysis.declared
-    for role, runs in (
-        ("training", findings.analysis.campaign.training_runs),
-        ("validation", findings.analysis.campaign.validation_runs),
-    ):
-        simulated = findings.analysis.simulated["after"][role]
-        after = _by_run(simulated, runs, lambda s: s.logged)
-        before = _by_run(findings.analysis.simulated["before"][role], runs, lambda s: s.logged)
-        measured = _by_run(simulated, runs, lambda s: s.record.measured)
+    analysis = findings.analysis
+    campaign, simulated = analysis.campaign, analysis.simulated
+    changed = analysis.final is not analysis.declared
+    pairs = (("training", campaign.training_runs), ("validation", campaign.validation_runs))
+    for role, runs in pairs:
+        after = _by_run(simulated["after"][role], runs, lambda s: s.logged)
+        before = _by_run(simulated["before"][role], runs, lambda s: s.logged)
+        measured = _by_run(simulated["after"][role], runs, lambda s: s.record.measured)
         for run, a, b, m in zip(runs, after, before, measured, strict=True):
             current = run.used("current_A")
             traces.append(

@@ -25,7 +25,6 @@ from identification.fit.sensors import coarse_warnings
 from identification.fit.solve import Fit
 from identification.fit.temperature import estimated_temperatures
 from identification.fit.voltage import coarse_voltage_warnings
-from identification.ingest.run import Run
 from identification.model.unlogged import COLDEST, HOTTEST
 from identification.posterior.sample import Sample
 from identification.quantities import DECLARED_PARAMETERS, REFERENCE_TEMPERATURE_DEGC
@@ -230,7 +229,12 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
             "rows": run.rows,
             "sample_rate_hz": run.sample_rate_hz,
             "hottest_degC": None if run.temperature is None else hottest.get(number),
-            "ranges": _ranges(run),
+            # In SI units, of all logged channels but the angle.
+            "ranges": {
+                name: [float(values.min()), float(values.max())]
+                for name, values in run.channels.items()
+                if name != "position_rad"
+            },
             "same_as": campaign.alike[number],
             "channels": {name: source.entry() for name, source in run.sources.items()},
         }
@@ -239,15 +243,6 @@ def _runs(campaign: Campaign) -> list[dict[str, object]]:
             + [("validation", run) for run in campaign.validation_runs]
         )
     ]
-
-
-def _ranges(run: Run) -> dict[str, list[float]]:
-    """Smallest and largest value of each logged channel but the angle, in SI units."""
-    return {
-        name: [float(values.min()), float(values.max())]
-        for name, values in run.channels.items()
-        if name != "position_rad"
-    }
 
 
 def _parameters(

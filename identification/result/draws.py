@@ -24,7 +24,7 @@ import h5netcdf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, evenly
 from identification.errors import DamagedFile, InputError, OutOfMemory
 from identification.ingest.display import plain
 from identification.ingest.formats.hdf5 import check_heaps
@@ -36,12 +36,8 @@ from identification.result.numbers import finite
 
 __all__ = ["chain_draws", "check_same_fit", "normal_draws", "write_posterior"]
 
-# Level 1 with byte shuffling: on noise, higher levels cost seconds and save only a few per cent.
-_COMPRESSION: Final[dict[str, Any]] = {
-    "compression": "gzip",
-    "compression_opts": 1,
-    "shuffle": True,
-}
+# On noise, higher levels cost seconds and save only a few per cent.
+_COMPRESSION: Final[dict[str, Any]] = dict(compression="gzip", compression_opts=1, shuffle=True)
 _SEED: Final = 0
 _LOGARITHMIC: Final = ("Ra25", "Kt25", "J")
 _FARTHEST_MEDIAN: Final = 5.0
@@ -81,7 +77,6 @@ def write_posterior(
         posterior.attrs["interval_level"] = INTERVAL_LEVEL
         for index, (name, unit) in enumerate(zip(names, units, strict=True)):
             _variable(posterior, name, chain[:, :, index].T).attrs["units"] = unit
-
         stats = _group(file, "sample_stats", n_walker, n_draw)
         if log_prob is not None:
             _variable(stats, "lp", log_prob.T).attrs["long_name"] = "log posterior density"
@@ -121,7 +116,7 @@ def chain_draws(posterior: BinaryIO, most: int, name: str | None = None) -> dict
             f"is not a posterior of 'motorid fit' ({reason}); repeat the fit or remove the file",
             file=name,
         ) from error
-    kept = np.unique(np.linspace(0, draws["J"].size - 1, most).astype(int))
+    kept = evenly(draws["J"].size, most)
     return {name: values[kept] for name, values in draws.items()}
 
 
@@ -130,16 +125,11 @@ def _read(posterior: BinaryIO) -> dict[str, Array]:
     with h5netcdf.File(posterior, "r") as file:
         group = file.groups["posterior"]
         names = dict.fromkeys([*DECLARED_PARAMETERS, *group.variables])
-        variables = [name for name in names if name not in group.dimensions]
-        _check_shapes({name: group[name].shape for name in variables})
-        return {name: _column(name, np.asarray(group[name][...])) for name in variables}
-
-
-def _check_shapes(shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """Raise `ValueError` unless all shapes are equal, with no more draws than a chain has."""
-    if len(set(shapes.values())) != 1 or not 0 < math.prod(shapes["J"]) <= _MOST_DRAWS:
-        listed = ", ".join(f"{shape} of {name}" for name, shape in list(shapes.items())[:8])
-        raise ValueError(f"the shapes {listed}; expected one number of draws of each variable")
+        shapes = {name: group[name].shape for name in names if name not in group.dimensions}
+        if len(set(shapes.values())) != 1 or not 0 < math.prod(shapes["J"]) <= _MOST_DRAWS:
+            listed = ", ".join(f"{shape} of {name}" for name, shape in list(shapes.items())[:8])
+            raise ValueError(f"the shapes {listed}; expected one number of draws of each variable")
+        return {name: _column(name, np.asarray(group[name][...])) for name in shapes}
 
 
 def _column(name: str, values: NDArray[Any]) -> Array:

@@ -33,23 +33,20 @@ def prior_entries(
     """Member ``prior`` of each parameter that has one, by name."""
     entries: dict[str, dict[str, Any]] = {}
     by_runs = identified(fit, share, by_runs=True)
-    given = {prior.name: (prior.value, prior.sd, prior.origin) for prior in priors}
-    given |= {
-        one.prior.name: (one.prior.value, one.prior.sd, one.prior.origin) for one in contradicted
-    }
+    given = {prior.name: prior for prior in (*priors, *(one.prior for one in contradicted))}
     for parameter in fit.coordinates.parameters:
-        if parameter.origin and parameter.name not in given:
-            width = parameter.prior_sd * parameter.scale
-            given[parameter.name] = (parameter.prior_mean, width, parameter.origin)
-        if parameter.name in given:
-            value, sd, origin = given[parameter.name]
-            entries[parameter.name] = {
+        name, origin = parameter.name, parameter.origin
+        if origin and name not in given:
+            sd = parameter.prior_sd * parameter.scale
+            given[name] = Prior(name, parameter.prior_mean, sd, origin)
+        if name in given:
+            entries[name] = {
                 "prior": {
-                    "value": value,
-                    "sd": sd,
-                    "origin": origin,
-                    "used": bool(parameter.origin),
-                    "identified_by_runs": by_runs[parameter.name],
+                    "value": given[name].value,
+                    "sd": given[name].sd,
+                    "origin": given[name].origin,
+                    "used": bool(origin),
+                    "identified_by_runs": by_runs[name],
                 }
             }
     return entries

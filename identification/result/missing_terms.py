@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from identification.arrays import Array, Index
+from identification.arrays import Array, Index, evenly
 from identification.diagnosis.localise import Missing
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.model.term import (
@@ -76,7 +76,10 @@ def missing_terms(path: FinalPath) -> list[MissingTerm]:
     drawn = [term for term in effects_of(terms) if _is_static(term)]
     if not drawn:
         return []
-    found = path.keeping({*path.kept, *(t.name for t in terms if _is_steep(t))}).everywhere
+    # The voltage or torque of these is in proportion to di/dt or dw/dt.
+    changes = [term for term in terms if isinstance(term, AbstractCoefficient)]
+    steep = {term.name for term in changes if term.coefficient in ("L", "J")}
+    found = path.keeping({*path.kept, *steep}).everywhere
     plots = []
     for term in drawn:
         for driver in _drivers_of(term):
@@ -109,7 +112,7 @@ def unexplained_terms(
 
 def missing_traces(path: FinalPath, names: Sequence[str]) -> list[MissingTrace]:
     """Plot data for each equation with an effect: a section of the run where it is strongest."""
-    in_motor = [term for term in path.final.simulator.model.terms if _acts_in_motor(term)]
+    in_motor = [term for term in path.final.simulator.model.terms if term.equation != "sensor"]
     if not in_motor:
         return []
     found, plots = path.everywhere, []
@@ -180,11 +183,10 @@ def _over_time(
     power = [float(np.mean(everywhere[found.record == k] ** 2)) for k in records]
     chosen = int(records[int(np.argmax(power))])
     size = path.final.simulator.records[chosen].rows - 1
-    whole = path.within(chosen, np.unique(np.linspace(0, size - 1, _TIMES).astype(int)))
+    whole = path.within(chosen, evenly(size, _TIMES))
     here = path.within(chosen, _telling(_together(terms, column, whole)[0], size))
     effects = _together(terms, column, here)
-    missing = here.missing[:, column]
-    sd = _Q95 * here.missing_sd[:, column]
+    missing, sd = here.missing[:, column], _Q95 * here.missing_sd[:, column]
     return MissingTrace(
         run=names[chosen],
         quantity=_WORDS[column],
@@ -253,7 +255,7 @@ class _Bins:
 
 def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
     """Report sentence on the effects that cannot be plotted; empty if all can."""
-    names = [effect_words(term.name) for term in terms if not _acts_in_motor(term)]
+    names = [effect_words(term.name) for term in terms if term.equation == "sensor"]
     if not names:
         return ""
     verb = "acts" if len(names) == 1 else "act"
@@ -263,21 +265,12 @@ def undrawn_sentence(terms: Sequence[AbstractTerm]) -> str:
     )
 
 
-def _acts_in_motor(term: AbstractTerm) -> bool:
-    """Whether the effect acts in the motor and not in a sensor."""
-    return term.equation != "sensor"
-
-
-def _is_steep(term: AbstractTerm) -> bool:
-    """True if the voltage or torque of the effect is in proportion to di/dt or dw/dt."""
-    return isinstance(term, AbstractCoefficient) and term.coefficient in ("L", "J")
-
-
 def _is_static(term: AbstractEffect) -> bool:
-    """Whether the effect is a static function of its drivers and does not depend on time."""
+    """True for an effect in the motor that depends on its drivers alone, and not on time."""
     changes = isinstance(term, AbstractCoefficient) and term.coefficient in _CHANGES
     plain = isinstance(term, AbstractTorque | AbstractVoltage) or changes
-    return _acts_in_motor(term) and plain and not term.states and "time" not in _drivers_of(term)
+    in_motor = term.equation != "sensor"
+    return in_motor and plain and not term.states and "time" not in _drivers_of(term)
 
 
 def _drivers_of(term: AbstractEffect) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from typing import Any, Final
 import casadi as ca
 import numpy as np
 
-from identification.arrays import Array, Index
+from identification.arrays import Array, Index, evenly
 from identification.diagnosis.deviation import Disturbance
 from identification.diagnosis.localise import Localisation, Missing, smoothed_terms
 from identification.fit.solve import Fit, TerminationLimits
@@ -116,8 +116,7 @@ class FinalPath:
         pieces = []
         for number, record in enumerate(records):
             # Inputs of a row describe the interval after it; the last sample starts none.
-            rows = np.linspace(0, record.rows - 2, min(share, record.rows - 1))
-            pieces.append(self._traced(number, np.unique(rows.astype(int))))
+            pieces.append(self._traced(number, evenly(record.rows - 1, share)))
         arrays: dict[str, Any] = {
             name: np.concatenate([getattr(piece, name) for piece in pieces])
             for name in ("record", "time", "rates", "missing", "missing_sd")
@@ -232,8 +231,8 @@ def _with_draws(final: Fit, draws: Mapping[str, Array]) -> Array:
     """Parameters (n_parameter, 1 + n_draw): the fit and some posterior draws."""
     rows = sum(record.rows for record in final.simulator.records)
     wanted = int(np.clip(_MOST_SIMULATED // rows, _LEAST_DRAWS, _DRAWS))
-    kept = np.unique(np.linspace(0, draws["J"].size - 1, wanted).astype(int))
-    columns = np.array([np.asarray(draws[name])[kept] for name in final.coordinates.names])
+    kept = evenly(draws["J"].size, wanted)
+    columns = np.array([draws[name][kept] for name in final.coordinates.names])
     # The linear part of a curve is plotted as part of the parameter it is collinear with.
     columns[["unlisted.linear_" in name for name in final.coordinates.names]] = 0.0
     return np.column_stack([final.values, columns])

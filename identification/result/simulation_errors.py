@@ -12,13 +12,13 @@ from identification.diagnosis.outliers import outlying_run_warnings, root_mean_s
 from identification.effects.effect import AbstractRunEffect, effects_of, runs_text
 from identification.fit.evaluate import Simulated
 from identification.result.entries import NEAR_NOISE, NOTHING
-from identification.result.numbers import number_text, percent_text
-from identification.result.residual_analysis import (
+from identification.result.findings import (
     CHANNELS,
     Errors,
     ResidualAnalysis,
     channel_errors,
 )
+from identification.result.numbers import number_text, percent_text
 from identification.warning import ResultWarning
 
 __all__ = [

@@ -11,7 +11,7 @@ from identification.diagnosis.localise import localise
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
-from identification.result.residual_analysis import ResidualAnalysis
+from identification.result.findings import ResidualAnalysis
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Found, Outcome
 from tests.motors import campaign, motor_named
