@@ -5,9 +5,8 @@ Path("next.csv").write_text(profile_csv(proposal))
 
 models.py     models of a result or a nameplate, their covariance, and the quantity to narrow
 task.py       models, quantity, limits and grid of the run
-profiles.py   families of voltage profiles
+profiles.py   families of voltage profiles, and voltages of a limited slew rate
 response.py   readings and sensitivities of a candidate
-limits.py     limits of a run, and voltages of a limited slew rate
 criteria.py   expected information about parameters and models
 propose.py    search of the best profile, scaled until every draw holds the limits
 output.py     CSV, JSON and sentences

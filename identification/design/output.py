@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from identification.design.limits import UNITS
 from identification.design.models import Quantity, parameter_quantity
 from identification.design.propose import Proposal
 from identification.design.response import load_shape
+from identification.design.task import UNITS
 from identification.result.entries import finite_or_null
 from identification.result.numbers import number_text, unit_prefix
 

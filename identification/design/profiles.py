@@ -8,6 +8,7 @@ the other the asymmetries and offsets.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -16,7 +17,7 @@ import numpy as np
 
 from identification.arrays import Array
 
-__all__ = ["Profile", "library", "multisine", "pauses", "prbs", "random_levels"]
+__all__ = ["Profile", "library", "multisine", "pauses", "prbs", "random_levels", "slew_limited"]
 
 _PAUSES: Final = (0.02, 0.06)
 """Standstill at zero voltage before and after a profile, as fractions of the run [-]."""
@@ -124,6 +125,27 @@ def multisine(duration: float, low: float, high: float, rng: np.random.Generator
     phases = rng.uniform(0.0, 2.0 * np.pi, 20)
     wave = np.sin(2.0 * np.pi * time[:, None] * frequencies + phases).sum(axis=1)
     return _corners(f"multisine, {low:.3g} to {high:.3g} Hz", wave / np.abs(wave).max())
+
+
+def slew_limited(voltage: Array, step: float) -> Array:
+    """Voltage whose change per sample is at most `step`, from zero and back to zero.
+
+    It lies between zero and `voltage`.
+    """
+    limited = voltage.copy()
+    limited[0] = limited[-1] = 0.0
+    if not math.isfinite(step):
+        return limited
+    # A change of sign passes through zero.
+    limited[:-1][limited[:-1] * limited[1:] < 0.0] = 0.0
+    # The largest Lipschitz function below each sign's magnitude: min over k of u_k + step |n - k|.
+    slope = step * np.arange(limited.size)
+    parts = []
+    for magnitude in (np.maximum(limited, 0.0), np.maximum(-limited, 0.0)):
+        forward = np.minimum.accumulate(magnitude - slope) + slope
+        backward = np.minimum.accumulate((magnitude + slope)[::-1])[::-1] - slope
+        parts.append(np.maximum(np.minimum(forward, backward), 0.0))
+    return np.asarray(parts[0] - parts[1])
 
 
 def _starts(levels: Sequence[float]) -> list[float]:

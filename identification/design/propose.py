@@ -25,9 +25,8 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.design.criteria import Separation, information_bits, narrowed, separation
-from identification.design.limits import slew_limited
 from identification.design.models import time_constants
-from identification.design.profiles import Profile, library
+from identification.design.profiles import Profile, library, slew_limited
 from identification.design.response import Predictor, Response
 from identification.design.task import Task
 from identification.errors import ComputationError

@@ -1,15 +1,17 @@
-"""Task of a design: models, quantity, limits and grid of the run, from a result or a nameplate."""
+"""Task of a design: models, quantity, limits and grid of the run, from a result or a nameplate.
+
+The syntax of limits is ``voltage=24,current=10,...``.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Final
 
 import numpy as np
 
-from identification.design.limits import UNITS, Limits, limits_of
 from identification.design.models import (
     DesignModel,
     Quantity,
@@ -21,10 +23,19 @@ from identification.design.models import (
 from identification.design.response import Conditions
 from identification.errors import InputError, OptionError
 from identification.nameplate import nameplate_of
+from identification.numerals import decimal_of
 from identification.speed_loop.spread import checked_temperatures
 
-__all__ = ["DesignOptions", "Task", "task_of_nameplate", "task_of_result"]
+__all__ = ["UNITS", "DesignOptions", "Limits", "Task", "task_of_nameplate", "task_of_result"]
 
+UNITS: Final = {
+    "voltage": "V",
+    "current": "A",
+    "speed": "rad/s",
+    "slew": "V/s",
+    "position": "rad",
+    "load": "N m",
+}
 _MOST_MODELS: Final = 6
 _FEWEST_ROWS: Final = 100
 _MOST_ROWS: Final = 50_000
@@ -34,6 +45,56 @@ _SAME_TEMPERATURE: Final = 3.0
 _NOISE: Final = 0.005
 """Noise of current and speed over stall current and no-load speed, without any run [-]."""
 _OVERSPEED: Final = 1.1
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Largest magnitudes in a run; infinite without a limit."""
+
+    voltage: float
+    """Voltage [V]."""
+    current: float = math.inf
+    """Current [A]."""
+    speed: float = math.inf
+    """Speed [rad/s]."""
+    slew: float = math.inf
+    """Rate of change of the voltage [V/s]."""
+    position: float = math.inf
+    """Distance of the shaft from its angle at the start [rad]."""
+    load: float = 0.0
+    """Constant torque that the bench can put on the shaft, in either direction; zero without a
+    brake or drive [N m]."""
+
+    def entry(self) -> dict[str, float | None]:
+        """The limits by name; null without a limit, or without a load."""
+        return {k: v if 0.0 < v < math.inf else None for k, v in asdict(self).items()}
+
+
+def limits_of(words: Sequence[str]) -> dict[str, float]:
+    """Limits from ``NAME=VALUE,...``; several texts are joined.
+
+    Raises:
+        OptionError: A name is unknown or repeated, or a value is not a positive number.
+    """
+    found: dict[str, float] = {}
+    names = [field.name for field in fields(Limits)]
+    for part in (part.strip() for word in words for part in word.split(",")):
+        name, _, text = (piece.strip() for piece in part.partition("="))
+        if name not in names or name in found:
+            raise OptionError(
+                f"limit {part[:60]!r}: expected NAME=VALUE, once each, with a name of "
+                f"{', '.join(f'{n} [{UNITS[n]}]' for n in names)}",
+                value=part,
+            )
+        try:
+            found[name] = decimal_of(text)
+        except ValueError:
+            found[name] = math.nan
+        if not 1e-9 <= found[name] <= 1e9:
+            raise OptionError(
+                f"limit {part[:60]!r}: expected a positive number in {UNITS[name]}", value=part
+            )
+    return found
 
 
 @dataclass(frozen=True)

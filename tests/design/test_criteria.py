@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from identification.design.criteria import information_bits, narrowed, separation
-from identification.design.limits import slew_limited
+from identification.design.profiles import slew_limited
 from identification.design.response import Response
 
 
