@@ -27,7 +27,6 @@ from identification.result.residuals import gaps
 
 __all__ = ["Column", "StoredRun", "encoded", "extremes", "stored_runs"]
 
-
 _RESERVED: Final = 12_000
 """Part of the budget that each further run keeps [bytes]."""
 _FEWEST_BUCKETS: Final = 100
@@ -84,43 +83,30 @@ def stored_runs(
     for done, k in enumerate(order):
         others = len(runs) - done - 1
         room = max(budget - others * _RESERVED, 0)
-        columns, complete, kept = _fitting(runs[k], noise, room, budget // (others + 1))
-        size = runs[k].time.size
-        stored[k] = StoredRun(
-            rows=size, complete=complete, note=_note(size, kept, complete), columns=columns
-        )
-        budget = max(budget - _size(columns), 0)
+        stored[k] = _fitting(runs[k], noise, room, budget // (others + 1))
+        budget = max(budget - _size(stored[k]["columns"]), 0)
     return [stored[k] for k in range(len(runs))]
 
 
-def _fitting(
-    run: RunTraces, noise: Mapping[str, float | None], room: int, share: int
-) -> tuple[dict[str, Column], bool, int]:
-    """Columns, whether they hold all samples, and the number of buckets otherwise.
-
-    `room` is the largest size of columns with all samples, `share` that with extremes only [bytes].
-    """
-    columns = _stored(run, noise, np.arange(run.time.size))
-    size = _size(columns)
-    if size <= room:
-        return columns, True, 0
+def _fitting(run: RunTraces, noise: Mapping[str, float | None], room: int, share: int) -> StoredRun:
+    """A run with all samples in `room`, else with extremes in about `share` [bytes]."""
+    rows = run.time.size
+    columns, note = _stored(run, noise, np.arange(rows)), f"All {count_text(rows)} logged samples."
+    whole = StoredRun(rows=rows, complete=True, note=note, columns=columns)
+    if _size(columns) <= room:
+        return whole
     channels = [values for name, values in _channels(run).items() if name != "time"]
     # Extremes hardly compress: a stored row takes about 3.5 bytes and each column adds two rows.
     bytes_per_bucket = 3.5 * 2.0 * len(channels) * (len(channels) + 1)
     buckets = max(int(share / bytes_per_bucket), _FEWEST_BUCKETS)
     kept = extremes(channels, buckets)
-    if kept.size == run.time.size:
-        return columns, True, 0
-    return _stored(run, noise, kept), False, buckets
-
-
-def _note(size: int, buckets: int, complete: bool) -> str:
-    if complete:
-        return f"All {count_text(size)} logged samples."
-    return (
-        f"{count_text(size)} samples; to limit the size of the page, it contains the extremes of "
-        f"each channel in every {count_text(max(size // buckets, 1))} samples."
+    if kept.size == rows:
+        return whole
+    note = (
+        f"{count_text(rows)} samples; to limit the size of the page, it contains the extremes of "
+        f"each channel in every {count_text(max(rows // buckets, 1))} samples."
     )
+    return StoredRun(rows=rows, complete=False, note=note, columns=_stored(run, noise, kept))
 
 
 def _size(columns: Mapping[str, Column]) -> int:
@@ -151,8 +137,9 @@ def _stored(run: RunTraces, noise: Mapping[str, float | None], kept: Index) -> d
     for name, values in columns.items():
         plus = _PREDICTORS.get(name, "")
         if plus and np.isfinite(columns[plus][np.isfinite(values)]).all():
-            predicted = _rounded(columns[plus], steps[plus])
-            found[name] = encoded(values - predicted, steps[name]) | {"plus": plus}
+            # As the browser decodes it, a missing value as the last known one.
+            low, step, whole, _ = _words(columns[plus], steps[plus])
+            found[name] = encoded(values - (low + step * whole), steps[name]) | {"plus": plus}
         else:
             found[name] = encoded(values, steps[name])
     return found
@@ -185,12 +172,6 @@ def _words(values: Array, step: float) -> tuple[float, float, NDArray[np.int64],
     last = np.maximum.accumulate(np.where(finite, np.arange(values.size), 0))
     whole = np.rint((np.where(finite, values, low)[last] - low) / step).astype(np.int64)
     return low, step, whole, finite
-
-
-def _rounded(values: Array, step: float) -> Array:
-    """The values that the browser decodes, a missing one as the last known one."""
-    low, step, whole, _ = _words(values, step)
-    return np.asarray(low + step * whole, dtype=np.float64)
 
 
 def encoded(values: Array, step: float = 0.0) -> Column:

@@ -34,7 +34,7 @@ from identification.result.numbers import (
     unit_prefix,
     unit_text,
 )
-from identification.result.report_data import CandidateRow, ReportData
+from identification.result.report_data import CandidateRow, ReportData, SearchAccount
 
 __all__ = ["KeyFigure", "effect_tiles", "error_bars", "facts", "headline_sentences", "key_figures"]
 
@@ -90,11 +90,11 @@ def headline_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]
     role, _ = deciding_errors(result)
     verdict = verdict_words(result, coloured).removeprefix("but ")
     quality = f"On the {role} runs, {verdict}." if verdict else ""
+    sentences = [_effects_sentence(result), quality, identified_sentence(result)]
     if result.get("forced"):
         forced = "The runs contradict the motor equations or each other, and the fit was forced."
-        return [forced, "Do not rely on any number below.", *([quality] if quality else [])]
-    sentences = [_effects_sentence(result), quality, identified_sentence(result)]
-    return [sentence for sentence in sentences if sentence]
+        sentences = [forced, "Do not rely on any number below.", quality]
+    return list(filter(None, sentences))
 
 
 def _effects_sentence(result: Entry) -> str:
@@ -136,19 +136,17 @@ def effect_tiles(data: ReportData) -> list[Entry]:
     `term` is the missing voltage or torque against its driver, `trace` that over time; None if not
     computed.
     """
-    terms = data.account.terms if data.account else ()
-    traces = data.account.traces if data.account else ()
-    candidates = data.account.candidates if data.account else ()
+    account = data.account or SearchAccount()
     return [
         dict(
             name=effect_words(effect["name"]).capitalize(),
             place=_place(effect),
             probability=effect_probability(effect),
             amount=_amount(effect["parameters"]),
-            evidence=_evidence(effect["name"], candidates),
+            evidence=_evidence(effect["name"], account.candidates),
             alternatives=listed(alternative_texts(effect)),
-            term=next((term for term in terms if term.effect == effect["name"]), None),
-            trace=next((trace for trace in traces if trace.effect == effect["name"]), None),
+            term=next((one for one in account.terms if one.effect == effect["name"]), None),
+            trace=next((one for one in account.traces if one.effect == effect["name"]), None),
         )
         for effect in data.result["effects"]
     ]
@@ -198,22 +196,19 @@ def error_bars(result: Entry, coloured: Sequence[str] = ()) -> list[Entry]:
         if errors.get(channel)
     }
     top = max([1.25, *(ratio for pair in ratios.values() for ratio in pair if ratio is not None)])
-    bars: list[Entry] = []
-    for channel, (before, after) in ratios.items():
-        nrmse = errors[channel]["nrmse"]
-        tone = _tone(after, channel in coloured)
-        bars.append(
-            dict(
-                channel=channel,
-                role=role,
-                before="" if before is None else number_text(before, 3),
-                after=number_text(after, 3),
-                fit="" if nrmse is None else f"{percent_text(1.0 - nrmse, 4)} fit",
-                widths=(_width(before, top), _width(after, top), _width(1.0, top)),
-                tone="bad" if (nrmse or 0.0) > POOR_FIT else tone,
-            )
+    nrmse = {channel: errors[channel]["nrmse"] for channel in ratios}
+    return [
+        dict(
+            channel=channel,
+            role=role,
+            before="" if before is None else number_text(before, 3),
+            after=number_text(after, 3),
+            fit="" if nrmse[channel] is None else f"{percent_text(1.0 - nrmse[channel], 4)} fit",
+            widths=(_width(before, top), _width(after, top), _width(1.0, top)),
+            tone="bad" if (nrmse[channel] or 0.0) > POOR_FIT else _tone(after, channel in coloured),
         )
-    return bars
+        for channel, (before, after) in ratios.items()
+    ]
 
 
 def _width(ratio: float | None, top: float) -> float:

@@ -34,8 +34,12 @@ POOR_FIT = 0.5
 
 def summary_sentences(result: Entry) -> list[str]:
     """Summary of the data, the effects, the fit quality, the parameters and the closed loop."""
+    forced = (
+        "The runs contradict the motor equations or each other, and the fit was forced: do not "
+        "rely on any number below (see Warnings)."
+    )
     sentences = [
-        _forced(result),
+        forced if result.get("forced") else "",
         _campaign(result["runs"]),
         _effects(result),
         _shifted(result),
@@ -49,20 +53,8 @@ def summary_sentences(result: Entry) -> list[str]:
 
 def further_sentences(result: Entry) -> list[str]:
     """Sentences of the summary on the data, the biases, the given knowledge and the loop."""
-    sentences = [
-        _campaign(result["runs"]), _shifted(result), _given(result), loop_sentence(result)
-    ]  # fmt: skip
-    return [sentence for sentence in sentences if sentence]
-
-
-def _forced(result: Entry) -> str:
-    """Warning on a forced fit, which the checks would have refused."""
-    if not result.get("forced"):
-        return ""
-    return (
-        "The runs contradict the motor equations or each other, and the fit was forced: do not "
-        "rely on any number below (see Warnings)."
-    )
+    sentences = (_shifted(result), _given(result), loop_sentence(result))
+    return [_campaign(result["runs"]), *filter(None, sentences)]
 
 
 def _campaign(runs: Sequence[Entry]) -> str:
@@ -78,12 +70,11 @@ def _campaign(runs: Sequence[Entry]) -> str:
             f"{sentence}; the {which} identical to training runs, so there is no independent "
             "validation."
         )
+    validated = f"{sentence} and validated on {_runs_and_rows(checked)}"
     if seen:
-        return (
-            f"{sentence} and validated on {_runs_and_rows(checked)}; {seen} of these runs "
-            f"{'is' if seen == 1 else 'are'} identical to training runs."
-        )
-    return f"{sentence} and validated on {_runs_and_rows(checked)} not used in the fit."
+        verb = "is" if seen == 1 else "are"
+        return f"{validated}; {seen} of these runs {verb} identical to training runs."
+    return f"{validated} not used in the fit."
 
 
 def _was_fitted(run: Entry, runs: Sequence[Entry]) -> bool:
@@ -123,13 +114,13 @@ def _shifted(result: Entry) -> str:
         for name, shift in shifts
         if shift["off"] and shift["relative"]["median"] is not None
     }
-    worst = sorted(medians, key=lambda name: -abs(medians[name]))[:_NAMED]
+    worst = sorted(medians.items(), key=lambda item: -abs(item[1]))[:_NAMED]
     if not worst:
         return ""
     biases = [
         f"{name} {percent_text(abs(bias), 3 if abs(bias) >= 1.0 else 2)} "
         f"too {'high' if bias > 0 else 'low'}"
-        for name, bias in ((name, medians[name]) for name in worst)
+        for name, bias in worst
     ]
     cause = "this effect" if len(result["effects"]) == 1 else "these effects"
     return f"Without {cause}, the fit estimates {listed(biases)}."

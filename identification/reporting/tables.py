@@ -99,15 +99,13 @@ def parameter_rows(data: ReportData) -> list[ParameterRow]:
         _parameter_row(name, entry, data, declared.get(name) if has_effects else None)
         for name, entry in result["parameters"].items()
     ]
-    listed = {row.name for row in rows}
     for effect in result["effects"]:
+        words = effect_words(effect["name"])
         for name, entry in effect["parameters"].items():
-            if name not in listed:
-                row = _parameter_row(name, entry, data, None)
-                words = effect_words(effect["name"])
+            if name not in result["parameters"]:
                 meaning = entry.get("meaning")
                 text = f"{words}: {meaning}" if meaning else f"of {words}"
-                rows.append(replace(row, meaning=text))
+                rows.append(replace(_parameter_row(name, entry, data, None), meaning=text))
     return rows
 
 
@@ -133,16 +131,14 @@ def error_rows(result: Entry) -> list[ErrorRow]:
     rows = []
     for role in ("validation", "training"):
         for channel, unit in (("current", "A"), ("speed", "rad/s")):
-            before = (result["errors"]["before"].get(role) or {}).get(channel)
-            after = (result["errors"]["after"].get(role) or {}).get(channel)
-            if before is None or after is None:
-                continue
-            rows.append(
-                ErrorRow(
-                    role, channel, unit, _error_texts(before), _error_texts(after),
-                    _change(before["rmse"], after["rmse"]),
-                )
-            )  # fmt: skip
+            before, after = (
+                (result["errors"][stage].get(role) or {}).get(channel)
+                for stage in ("before", "after")
+            )
+            if before is not None and after is not None:
+                change = _change(before["rmse"], after["rmse"])
+                texts = _error_texts(before), _error_texts(after)
+                rows.append(ErrorRow(role, channel, unit, *texts, change))
     return rows
 
 
@@ -205,9 +201,9 @@ def _parameter_row(
         is_identified, reason = False, f"from {origin}, not from the runs"
     ends = [one["median"] for one in (entry, declared) if one]
     # The bias of a parameter that the runs do not determine is that of its prior.
-    shift = ("", "")
+    shift, bounds = "", ""
     if declared and entry["identified"]:
-        shift = _shift(name, declared, entry, data.result)
+        shift, bounds = _shift(name, declared, entry, data.result)
     factor, unit = unit_prefix(entry["unit"], ends)
     return ParameterRow(
         name=name,
@@ -218,8 +214,8 @@ def _parameter_row(
         reason=reason,
         source=_SOURCES.get(name, ""),
         before=entry_text(declared, factor) if declared else None,
-        shift=shift[0],
-        shift_bounds=shift[1],
+        shift=shift,
+        shift_bounds=bounds,
     )
 
 

@@ -73,11 +73,10 @@ def _panel(
     frame = Frame(box, limits[column], limits[row])
     left, top, width, height = box
     marks = f'<rect class="frame" x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" height="{height:.1f}"/>'  # noqa: E501
-    marks += (
-        _marginal(box, draws[:, column], limits[column])
-        if row == column
-        else _regions(frame, draws[:, column], draws[:, row])
-    )
+    if row == column:
+        marks += _marginal(box, draws[:, column], limits[column])
+    else:
+        marks += _regions(frame, draws[:, column], draws[:, row])
     if row == len(limits) - 1:
         for at, word in _ticks_across(frame):
             marks += text(at, top + height + 13, word, "tick mid")

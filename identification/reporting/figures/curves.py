@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, evenly
 from identification.reporting.columns import extremes
 from identification.reporting.figures.chart import Band, Line, chart
 from identification.result.numbers import (
@@ -71,8 +71,11 @@ def coefficient_figure(curve: CoefficientCurve, temperatures: Sequence[Array]) -
 def step_figure(steps: Sequence[StepCurve]) -> str:
     """Step responses of one controller at all temperatures, each with its band and its label."""
     coldest_first = sorted(steps, key=lambda step: step.temperature_degC)
-    kinds = _temperature_kinds([step.temperature_degC for step in coldest_first])
     named = [(f"{step.temperature_degC:g} °C", step) for step in coldest_first]
+    # From heat0, the coldest, to heat4, the hottest.
+    low, high = (coldest_first[end].temperature_degC for end in (0, -1))
+    heats = [4.0 * (one.temperature_degC - low) / ((high - low) or 1.0) for one in coldest_first]
+    kinds = [f"heat{round(heat)}" for heat in heats]
     described = "; ".join(
         f"{label} settles at {number_text(float(step.median[-1]))}" for label, step in named
     )
@@ -138,19 +141,13 @@ def profile_figure(time: Array, voltage: Array) -> str:
     return chart("Proposed run", described, ("time [s]", "voltage [V]"), [line], height=180)
 
 
-def _temperature_kinds(temperatures: Sequence[float]) -> list[str]:
-    """Colour of each temperature, from ``heat0`` (coldest) to ``heat4`` (hottest)."""
-    low, high = min(temperatures), max(temperatures)
-    width = (high - low) or 1.0
-    return [f"heat{round(4.0 * (value - low) / width)}" for value in temperatures]
-
-
 def missing_term_figure(term: MissingTerm) -> str:
     """Estimates against their driver as dots, with the fitted effect and its band."""
     size = term.driver_values.size
-    shown = np.unique(np.linspace(0, size - 1, min(size, _MOST_DOTS)).astype(np.int_))
+    shown = evenly(size, min(size, _MOST_DOTS))
     shown = shown[np.argsort(term.driver_values[shown], kind="stable")]
-    power = unit_power(_largest(term))
+    sizes = np.abs(term.median if term.median.size else term.estimate)
+    power = unit_power(float(np.quantile(sizes, 0.995)) if sizes.size else 0.0)
     scale = 10.0**-power
     estimate = scale * term.estimate[shown]
     low, middle, high = scale * term.q05, scale * term.median, scale * term.q95
@@ -240,18 +237,13 @@ def trace_figure(posterior: PosteriorChain, index: int) -> str:
 
 def _histogram(temperatures: Sequence[Array], limits: tuple[float, float]) -> list[Line]:
     """Histogram of all samples over temperature; empty without samples."""
-    finite = [run[np.isfinite(run)] for run in temperatures]
-    if not any(run.size for run in finite):
+    values = np.concatenate([[], *temperatures])
+    values = values[np.isfinite(values)]
+    if not values.size:
         return []
-    counts, edges = np.histogram(np.concatenate(finite), bins=48, range=limits)
+    counts, edges = np.histogram(values, bins=48, range=limits)
     middles = 0.5 * (edges[1:] + edges[:-1])
     return [Line("logged temperatures", "measured", middles, counts / max(counts.max(), 1), "bars")]
-
-
-def _largest(term: MissingTerm) -> float:
-    """99.5 % quantile of the absolute values of the curve, or of the estimates without a curve."""
-    values = np.abs(term.median if term.median.size else term.estimate)
-    return float(np.quantile(values, 0.995)) if values.size else 0.0
 
 
 def _usual(values: Array, low: Array, high: Array) -> tuple[float, float]:

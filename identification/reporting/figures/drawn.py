@@ -102,13 +102,22 @@ def _drawn(spec: Mapping[str, Any], words: str, width: float) -> str:
     key = _KEY * len(keys)
     height = min(float(spec["height"]), 400.0) - _BOTTOM
     box = (_LEFT, _TOP + key, width - _LEFT - _RIGHT, height)
-    frame = Frame(box, _x_range(spec), _y_range(spec))
+    series = [*spec["lines"], *spec["bands"]]
+    has_dots = any(one["mark"] in ("dots", "few") for one in spec["lines"])
+    across = span(*(_array(one["x"]) for one in series), margin=0.03 if has_dots else 0.0)
+    frame = Frame(box, across, _y_range(spec))
     body = axes(frame, str(spec["x"]), str(spec["y"]), (10 if width > 600.0 else 6, 5))
     for one in spec["bands"]:
         low, high = _array(one["low"]), _array(one["high"])
         body += band(frame, _array(one["x"]), low, high, f"band {_kind(one)}")
     body += "".join(_mark(frame, one) for one in spec["lines"])
-    return svg(width, height + key + _TOP + _BOTTOM, title, description, body + _key(keys))
+    # Each label above the plot in the colour of its series.
+    body += "".join(
+        text(at, _TOP + 4.0 + _KEY * row, label, f"tick strong {kind}")
+        for row, placed in enumerate(keys)
+        for at, label, kind in placed
+    )
+    return svg(width, height + key + _TOP + _BOTTOM, title, description, body)
 
 
 def _mark(frame: Frame, one: Mapping[str, Any]) -> str:
@@ -146,12 +155,9 @@ def _bars(frame: Frame, x: Array, y: Array) -> str:
     return marks
 
 
-_Placed = tuple[float, str, str]
-
-
-def _rows(labels: list[tuple[str, str]], right: float) -> list[list[_Placed]]:
+def _rows(labels: list[tuple[str, str]], right: float) -> list[list[tuple[float, str, str]]]:
     """Rows of the key: the start of each label, the label with its line, and its kind."""
-    rows: list[list[_Placed]] = []
+    rows: list[list[tuple[float, str, str]]] = []
     at = right
     for label, kind in labels:
         wide = _PER_LETTER * (len(label) + 1)
@@ -161,21 +167,6 @@ def _rows(labels: list[tuple[str, str]], right: float) -> list[list[_Placed]]:
         rows[-1].append((at, label, kind))
         at += wide
     return rows
-
-
-def _key(rows: list[list[_Placed]]) -> str:
-    """Labels of the series above the plot, each in the colour of its series."""
-    return "".join(
-        text(at, _TOP + 4.0 + _KEY * row, label, f"tick strong {kind}")
-        for row, placed in enumerate(rows)
-        for at, label, kind in placed
-    )
-
-
-def _x_range(spec: Mapping[str, Any]) -> tuple[float, float]:
-    series = [*spec["lines"], *spec["bands"]]
-    has_dots = any(one["mark"] in ("dots", "few") for one in spec["lines"])
-    return span(*(_array(one["x"]) for one in series), margin=0.03 if has_dots else 0.0)
 
 
 def _y_range(spec: Mapping[str, Any]) -> tuple[float, float]:
