@@ -109,8 +109,7 @@ def fleet_figure(name: str, marks: Sequence[Mark], spread: Spread) -> str:
         body += _changes(name, unit, marks, across, bottom + _GAP)
         bottom += _GAP + _CHANGES
     names, room = _names(marks, across, bottom)
-    body += names
-    body += _hovers(marks, across, bottom, unit)
+    body += names + _hovers(marks, across, bottom, unit)
     caption = (
         f"{len(marks)} motors from {number_text(marks[0].median)} to "
         f"{number_text(marks[-1].median)} {unit}, "
@@ -122,9 +121,7 @@ def fleet_figure(name: str, marks: Sequence[Mark], spread: Spread) -> str:
 
 def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: Spread) -> str:
     """Medians with their 90 % intervals."""
-    low = np.array([mark.q05 for mark in marks])
-    high = np.array([mark.q95 for mark in marks])
-    middle = np.array([mark.median for mark in marks])
+    low, middle, high = np.array([(mark.q05, mark.median, mark.q95) for mark in marks]).T
     box = (_LEFT, _TOP, _WIDTH, _LEVELS)
     is_log = bool(low.min() > 0.0 and math.log10(high.max() / low.min()) > _DECADES_FOR_LOG)
     largest = float(np.abs([low, high]).max())
@@ -142,9 +139,8 @@ def _levels(name: str, unit: str, marks: Sequence[Mark], across: Array, spread: 
         at = float(frame.y(scaled(np.array([spread.median])))[0])
         body += f'<path class="zero" d="M{_LEFT:.1f} {at:.1f}H{_LEFT + _WIDTH:.1f}"/>'
     loud = [mark.is_outlier for mark in marks]
-    body += _bars(
-        across, frame.y(scaled(low)), frame.y(scaled(middle)), frame.y(scaled(high)), loud
-    )
+    lower, centre, upper = (frame.y(scaled(values)) for values in (low, middle, high))
+    body += _bars(across, lower, centre, upper, loud)
     shift = min(_SHIFT, 0.3 * _WIDTH / len(marks))
     stems = [
         f"M{x + shift:.1f} {bottom:.1f}V{top:.1f}"
@@ -160,9 +156,8 @@ def _changes(name: str, unit: str, marks: Sequence[Mark], across: Array, top: fl
     is_relative = name in POSITIVE
     values, halves = [], []
     for mark in marks:
-        drift = mark.drift
-        absolute = drift.absolute if drift else None
-        size = drift.relative if drift and is_relative else absolute
+        absolute = mark.drift.absolute if mark.drift else None
+        size = mark.drift.relative if mark.drift and is_relative else absolute
         share = abs(size / absolute) if size and absolute else 0.0
         values.append(math.nan if size is None else float(size))
         halves.append(_NORMAL_90 * mark.change_sd * share)
@@ -261,13 +256,9 @@ def history_figure(
     """
     unit = DECLARED_PARAMETERS[name].unit
     shown = [
-        (index, estimate.q05, estimate.median, estimate.q95)
+        (index, one.q05, one.median, one.q95)
         for index, refit in enumerate(refits)
-        if (estimate := refit.estimates.get(name)) is not None
-        and estimate.usable is not None
-        and estimate.q05 is not None
-        and estimate.median is not None
-        and estimate.q95 is not None
+        if (one := refit.estimates.get(name)) and one.usable and None not in (one.q05, one.q95)
     ]
     if not shown:
         return ""

@@ -74,14 +74,13 @@ def spread_of(name: str, refits: Sequence[Refit]) -> Spread:
     if not medians:
         return Spread(0, None, None, (None,) * len(refits))
     is_logarithmic = name in POSITIVE and min(medians) > 0.0
-    pairs = [_logarithm(pair) if pair and is_logarithmic else pair for pair in known]
-    scores, scale = scores_of(pairs)
-    median = float(np.median(medians))
     if is_logarithmic:
-        relative: float | None = math.expm1(scale)
-    else:
-        relative = scale / abs(median) if median else None
-    return Spread(len(medians), median, relative, scores)
+        # The standard deviation of a logarithm to first order.
+        known = [pair and (math.log(pair[0]), pair[1] / pair[0]) for pair in known]
+    scores, scale = scores_of(known)
+    median = float(np.median(medians))
+    relative = scale / abs(median) if median else None
+    return Spread(len(medians), median, math.expm1(scale) if is_logarithmic else relative, scores)
 
 
 def scores_of(
@@ -95,12 +94,6 @@ def scores_of(
     centre = float(np.median(values))
     scale = NORMAL_MAD * float(np.median(np.abs(values - centre)))
     return tuple(None if pair is None else _score(pair, centre, scale) for pair in pairs), scale
-
-
-def _logarithm(pair: tuple[float, float]) -> tuple[float, float]:
-    """Logarithm of a value, and its standard deviation to first order."""
-    value, sd = pair
-    return math.log(value), sd / value
 
 
 def _score(pair: tuple[float, float], centre: float, scale: float) -> float | None:

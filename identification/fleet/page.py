@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import statistics
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -31,7 +31,6 @@ from identification.quantities import DECLARED_PARAMETERS
 from identification.reporting.page import asset, page_environment, page_policy
 from identification.result.effect_texts import effect_words
 from identification.result.numbers import (
-    Interval,
     interval_text,
     number_text,
     percent_text,
@@ -69,8 +68,7 @@ def render_fleet(title: str, refits: Sequence[Refit], back: str = "") -> str:
         most_listed=_MOST_LISTED,
         repeatability=percent_text(REPEATABILITY, 1),
         parameters=[
-            _parameter(name, refits, spreads[name], changes, _pooled(name, pools))
-            for name in spreads
+            _parameter(name, refits, spread, changes, pools) for name, spread in spreads.items()
         ],
         pools=[_pool(pool, refits) for pool in pools],
         least_pooled=LEAST_POOLED,
@@ -174,8 +172,10 @@ def _parameter(
     refits: Sequence[Refit],
     spread: Spread,
     changes: Sequence[dict[str, Drift]],
-    pooled: Mapping[int, Quantiles],
+    pools: Sequence[Pool],
 ) -> dict[str, Any]:
+    # Over all types, by index of the fleet.
+    pooled = {n: found for pool in pools if pool.name == name for n, found in pool.motors.items()}
     marks = marks_of(name, refits, spread, changes, pooled)
     return {
         "name": name,
@@ -206,16 +206,6 @@ def _spread_text(name: str, scale: float | None) -> str:
     )
 
 
-def _pooled(name: str, pools: Sequence[Pool]) -> dict[int, Quantiles]:
-    """Pooled quantiles of a parameter over all types, by index of the fleet."""
-    return {
-        number: found
-        for pool in pools
-        if pool.name == name
-        for number, found in pool.motors.items()
-    }
-
-
 def _pool(pool: Pool, refits: Sequence[Refit]) -> dict[str, Any]:
     """Row of a pooled quantity; widths are those of the 90 % intervals of the pooled motors."""
     ratios = []
@@ -223,7 +213,10 @@ def _pool(pool: Pool, refits: Sequence[Refit]) -> dict[str, Any]:
         own = pool.own[number]
         if own.usable and own.q05 is not None and own.q95 is not None and own.q95 > own.q05:
             ratios.append((high - low) / (own.q95 - own.q05))
-    spread = [percent_text(v) for v in pool.spread] if pool.is_relative else None
+    spread = _range_text(pool.spread, pool.unit)
+    if pool.is_relative:
+        least, usual, most = map(percent_text, pool.spread)
+        spread = f"{usual} ({least} … {most})"
     return {
         "type": pool.type,
         "name": pool.name,
@@ -231,9 +224,7 @@ def _pool(pool: Pool, refits: Sequence[Refit]) -> dict[str, Any]:
         "given": sum(not pool.own[number].usable for number in pool.motors),
         "left_out": [refits[number].motor for number in pool.left_out],
         "mean": _range_text(pool.mean, pool.unit),
-        "spread": f"{spread[1]} ({spread[0]} … {spread[2]})"
-        if spread
-        else _range_text(pool.spread, pool.unit),
+        "spread": spread,
         "narrower": f"{statistics.median(ratios):.2f}" if ratios else "–",
     }
 
@@ -246,15 +237,14 @@ def _range_text(quantiles: Quantiles, unit: str) -> str:
 
 
 def _motor(refit: Refit) -> dict[str, Any]:
-    values: list[Interval | None] = []
-    for name in DECLARED_PARAMETERS:
-        one = refit.estimates.get(name)
-        is_usable = one is not None and one.usable is not None
-        values.append(interval_text(one.median, one.q05, one.q95) if one and is_usable else None)
+    known = [refit.estimates.get(name) for name in DECLARED_PARAMETERS]
     role = "validation" if refit.noise_ratios.get(("validation", "current")) else "training"
     return {
         "refit": refit,
-        "values": values,
+        "values": [
+            interval_text(one.median, one.q05, one.q95) if one and one.usable else None
+            for one in known
+        ],
         "role": role,
         "ratios": [refit.noise_ratios.get((role, channel)) for channel in ("current", "speed")],
         "notes": _notes(refit),
@@ -265,8 +255,9 @@ def _notes(refit: Refit) -> list[str]:
     """Effects, error and first warning of a motor, each as a sentence of its own."""
     effects = ", ".join(effect_words(effect) for effect in refit.effects)
     count = len(refit.warnings)
-    return [
-        *([f"Effects: {effects}"] if effects else []),
-        *([refit.error] if refit.error else []),
-        *([f"{count} warning{'s'[: count > 1]}: {refit.warnings[0]}"] if count else []),
+    notes = [
+        f"Effects: {effects}" if effects else "",
+        refit.error,
+        f"{count} warning{'s'[: count > 1]}: {refit.warnings[0]}" if count else "",
     ]
+    return list(filter(None, notes))

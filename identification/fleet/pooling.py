@@ -124,7 +124,9 @@ def population_of(values: Array, sds: Array, scale: float) -> Population:
     """
     has_estimate = np.isfinite(sds)
     y, s = values[has_estimate], sds[has_estimate]
-    tau = _grid(y, s, scale)
+    # Below the first value, the likelihood no longer depends on tau.
+    least = 0.02 * min(float(s.min()), scale)
+    tau = np.geomspace(least, 30.0 * max(scale, float(np.ptp(y))), _GRID)
     precision = 1.0 / (s**2 + tau[:, None] ** 2)
     mean_variance = 1.0 / precision.sum(axis=1)
     mean = mean_variance * (precision @ y)
@@ -169,39 +171,38 @@ def _pool(
     if len(usable) < LEAST_POOLED:
         return None
     is_relative = scale is None and all((one.q05 or 0.0) > 0.0 for one in usable.values())
-    given = [usable.get(number) for number in own]
-    pairs = [None if one is None else one.logarithm if is_relative else one.usable for one in given]
-    known = np.array([pair[0] for pair in pairs if pair])
-    scores, _ = scores_of(pairs)
-    is_outlier = [
-        len(known) >= LEAST_MOTORS and score is not None and abs(score) > THRESHOLD
-        for score in scores
+    pairs = {
+        number: (one.logarithm if is_relative else one.usable) if number in usable else None
+        for number, one in own.items()
+    }
+    known = np.array([pair[0] for pair in pairs.values() if pair])
+    scores = dict(zip(own, scores_of(list(pairs.values()))[0], strict=True))
+    left_out = [
+        number
+        for number, score in scores.items()
+        if len(known) >= LEAST_MOTORS and score is not None and abs(score) > THRESHOLD
     ]
-    pooled = [n for n, is_left_out in enumerate(is_outlier) if not is_left_out]
-    count = sum(pairs[n] is not None for n in pooled)
+    pooled = [number for number in own if number not in left_out]
+    count = sum(pairs[number] is not None for number in pooled)
     if count < LEAST_POOLED:
         return None
     if scale is None:
         scale = _RELATIVE_SCALE * (1.0 if is_relative else float(np.median(np.abs(known))))
-    found = population_of(
-        np.array([(pairs[n] or (0.0, 0.0))[0] for n in pooled]),
-        np.array([(pairs[n] or (0.0, math.inf))[1] for n in pooled]),
-        scale or _RELATIVE_SCALE,
-    )
-    numbers = list(own)
+    values, sds = np.array([pairs[number] or (0.0, math.inf) for number in pooled]).T
+    found = population_of(values, sds, scale or _RELATIVE_SCALE)
     return Pool(
         type=kind,
         name=name,
         unit=unit,
         is_relative=is_relative,
         count=count,
-        left_out=tuple(numbers[n] for n, is_left_out in enumerate(is_outlier) if is_left_out),
+        left_out=tuple(left_out),
         mean=_quantiles(found.mean, is_relative),
         spread=_quantiles(found.spread, False),
         own=own,
         motors={
-            numbers[n]: _quantiles(quantiles, is_relative)
-            for n, quantiles in zip(pooled, found.groups, strict=True)
+            number: _quantiles(quantiles, is_relative)
+            for number, quantiles in zip(pooled, found.groups, strict=True)
         },
     )
 
@@ -209,13 +210,6 @@ def _pool(
 def _quantiles(values: Array, is_logarithmic: bool) -> Quantiles:
     low, median, high = (float(v) for v in (np.exp(values) if is_logarithmic else values))
     return low, median, high
-
-
-def _grid(values: Array, sds: Array, scale: float) -> Array:
-    """(n_tau,) values of tau; below the first one, the likelihood no longer depends on tau."""
-    least = 0.02 * min(float(sds.min()), scale)
-    largest = 30.0 * max(scale, float(np.ptp(values)))
-    return np.geomspace(least, largest, _GRID)
 
 
 def _mixture_quantiles(weights: Array, centres: Array, deviations: Array) -> Array:

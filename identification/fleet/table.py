@@ -200,12 +200,7 @@ def parquet_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
         from pyarrow import parquet
     except ImportError as error:
         raise MissingParquet from error
-    kinds = {
-        str: pyarrow.string(),
-        float: pyarrow.float64(),
-        bool: pyarrow.bool_(),
-        int: pyarrow.int64(),
-    }
+    kinds = {str: "string", float: "float64", bool: "bool", int: "int64"}
     fields = [
         pyarrow.field(name, kinds[kind], metadata={"unit": unit} if unit else None)
         for name, (kind, unit) in COLUMNS.items()
