@@ -133,8 +133,7 @@ class ClosedLoop(MotorModel):
             # No algebraic loop: the acceleration depends on the current, not on the voltage.
             acceleration = self.motor.rates(own, ca.vertcat(*rows), parameter)[1]
             rows[_REFERENCE] = voltage - form.derivative * acceleration
-        driven = ca.vertcat(*rows)
-        return own, driven
+        return own, ca.vertcat(*rows)
 
 
 @dataclass(frozen=True)
@@ -266,14 +265,10 @@ def fastest_rate(
     input ``voltage`` of the first row is taken as the speed.  The parameters are physical,
     (n_parameter, n_draw).
     """
-    lanes = parameters.shape[1]
-    largest = 0.0
+    values, found = np.tile(parameters.T, (2, 1)), [0.0]
     for start, row in zip(starts, rows, strict=True):
         moving = start.copy()
         moving[1] = row[0, _REFERENCE]
-        inputs = np.tile(row[0], (2 * lanes, 1))
-        states = np.hstack([start, moving]).T
-        largest = max(
-            largest, spectral_radius(model, states, inputs, np.tile(parameters.T, (2, 1)))
-        )
-    return largest
+        inputs = np.tile(row[0], (len(values), 1))
+        found.append(spectral_radius(model, np.hstack([start, moving]).T, inputs, values))
+    return max(found)

@@ -63,15 +63,10 @@ def delayed_margins(loop: Loop, delay: float, highest: float) -> Margins:
         frequency = _gain_crossovers(loop)
         lead = np.angle(-_open_loop(loop, frequency), deg=True) - np.rad2deg(frequency * delay)
         phase = np.where(np.isnan(lead), np.inf, lead).min(axis=1, initial=np.inf)
-        parts = [
-            _delayed_gain_margin(
-                Loop(loop.numerator[k : k + _AT_ONCE], loop.open_denominator[k : k + _AT_ONCE]),
-                delay,
-                highest,
-            )
-            for k in range(0, phase.size, _AT_ONCE)
-        ]
-    return Margins(np.concatenate(parts), phase)
+        blocks = [slice(k, k + _AT_ONCE) for k in range(0, phase.size, _AT_ONCE)]
+        some = [Loop(loop.numerator[rows], loop.open_denominator[rows]) for rows in blocks]
+        gain = np.concatenate([_delayed_gain_margin(one, delay, highest) for one in some])
+    return Margins(gain, phase)
 
 
 def bandwidth(loop: Loop) -> Array:

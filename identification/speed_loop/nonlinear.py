@@ -126,13 +126,9 @@ class _Bench:
         voltage = np.abs(np.concatenate([r.column("voltage") for r in records]))
         self.range = np.array([*np.quantile(measured, _WITHIN, axis=0), np.quantile(voltage, 0.99)])
         known = dict(zip(fit.simulator.model.state_names, fit.states[0], strict=True))
-        self.own = np.array(
-            [
-                known[f"{term.name}.{state.name}"] if "position" in term.drivers else 0.0
-                for term in terms
-                for state in term.states
-            ]
-        )
+        states = [(term, f"{term.name}.{state.name}") for term in terms for state in term.states]
+        turning = [known[name] if "position" in term.drivers else 0.0 for term, name in states]
+        self.own = np.array(turning)
 
     def responses(self, controller: AbstractController) -> list[SimulatedLoop]:
         """Simulated loops of one controller, by temperature.
@@ -141,13 +137,11 @@ class _Bench:
         the range of the runs, as for a motor that stood still.
         """
         horizon = self._horizon(controller)
-        if horizon is None:
+        step = None if horizon is None else self._step(controller, horizon)
+        if horizon is None or step is None:
             return []
-        step = self._step(controller, horizon)
-        if step is None:
-            return []
-        runs, events = self._converged(ClosedLoop(self.model.terms, controller=controller),
-                                       step, horizon)  # fmt: skip
+        loop = ClosedLoop(self.model.terms, controller=controller)
+        runs, events = self._converged(loop, step, horizon)
         return [
             SimulatedLoop(
                 controller.text, temperature, step, tuple(t.name for t in self.model.terms),
@@ -202,15 +196,13 @@ class _Bench:
                 break
             horizon, samples = 2 * horizon, 2 * samples
             runs = self._runs(loop, self.values, step, horizon, samples)
-        events = [_events(run, step) for run in runs]
-        while samples < _MOST_SAMPLES:
+        events, agree = [_events(run, step) for run in runs], False
+        while samples < _MOST_SAMPLES and not agree:
             samples *= 2
             runs = self._runs(loop, self.values, step, horizon, samples)
             finer = [_events(run, step) for run in runs]
             agree = all(_agree(a, b) for a, b in zip(events, finer, strict=True))
             events = finer
-            if agree:
-                break
         return runs, events
 
 

@@ -75,13 +75,12 @@ def feedback_metrics(
     parsed = parse_controllers(controllers)
     checked = checked_temperatures(temperatures)
     motors = motor_draws(draws, checked)
-    return [
-        {"temperature_degC": temperature, "controller": controller.text} | entry
-        for controller in parsed
-        for temperature, entry in zip(
-            checked, _entries(close(motors, checked, controller), len(checked)), strict=True
-        )
-    ]
+    found = []
+    for controller in parsed:
+        entries = _entries(close(motors, checked, controller), len(checked))
+        for temperature, entry in zip(checked, entries, strict=True):
+            found.append({"temperature_degC": temperature, "controller": controller.text} | entry)
+    return found
 
 
 def step_curves(
@@ -164,9 +163,7 @@ def _statement(stable: float, count: int) -> str:
 def _length(response: StepResponse) -> float:
     """Plot length that is long enough for 90 % of the draws [s]."""
     settling = _BEYOND_SETTLING * step_metrics(response).settling_time
-    growth = np.abs(response.poles.real).max(axis=1)
-    unsettled = _GROWTHS / np.where(growth > 0, growth, np.abs(response.poles).max(axis=1))
-    growing = response.poles.real.max(axis=1)
-    unsettled = np.where(growing > 0, _GROWTHS / np.where(growing > 0, growing, 1.0), unsettled)
-    needed = np.where(np.isnan(settling), unsettled, settling)
-    return float(np.quantile(needed, 0.9))
+    growing, fastest = response.poles.real.max(axis=1), np.abs(response.poles.real).max(axis=1)
+    rate = np.where(fastest > 0, fastest, np.abs(response.poles).max(axis=1))
+    unsettled = _GROWTHS / np.where(growing > 0, growing, rate)
+    return float(np.quantile(np.where(np.isnan(settling), unsettled, settling), 0.9))

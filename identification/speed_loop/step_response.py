@@ -132,7 +132,9 @@ class _RelativeResponse:
             for piece in pairwise(turns):
                 self._cross(piece, rows, crossing)
             for time in turns[1:]:
-                self._raise_peak(time, rows, excess, peak_time)
+                value = self.error.at(time, rows)
+                higher = value > np.maximum(excess[rows], _LEAST_OVERSHOOT)
+                excess[rows[higher]], peak_time[rows[higher]] = value[higher], time[higher]
             is_highest = bound_at(self.error, right, rows) <= np.maximum(
                 excess[rows], _LEAST_OVERSHOOT
             )
@@ -159,11 +161,6 @@ class _RelativeResponse:
         return root(
             lambda time, row, level: self.error.at(time, row) - level, bracket, (rows, levels)
         )
-
-    def _raise_peak(self, time: Array, rows: Index, excess: Array, peak_time: Array) -> None:
-        value = self.error.at(time, rows)
-        higher = value > np.maximum(excess[rows], _LEAST_OVERSHOOT)
-        excess[rows[higher]], peak_time[rows[higher]] = value[higher], time[higher]
 
     def _settling(self) -> Array:
         settling = np.zeros(self.size)

@@ -68,14 +68,14 @@ def known(motor: UncertainMotor, index: int) -> UncertainMotor:
 
     Positive parameters are regressed by their logarithms, so they stay positive.
     """
-    positive = np.asarray((motor.values > 0).all(axis=1))
-    rows = np.where(positive[:, None], np.log(np.where(motor.values > 0, motor.values, 1)),
-                    motor.values)  # fmt: skip
+    positive = (motor.values > 0).all(axis=1)
+    rows = motor.values.copy()
+    rows[positive] = np.log(rows[positive])
     deviation = rows - rows.mean(axis=1, keepdims=True)
     fixed = deviation[index]
     slope = deviation @ fixed / (fixed @ fixed)
     rows -= slope[:, None] * fixed
-    rows = np.where(positive[:, None], np.exp(rows), rows)
+    rows[positive] = np.exp(rows[positive])
     # A parameter of at least zero may have draws at zero, where the logarithm does not exist.
     lowest = motor.values.min(axis=1, keepdims=True)
     return replace(motor, values=np.where(lowest >= 0, np.maximum(rows, 0.0), rows))

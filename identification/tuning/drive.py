@@ -146,12 +146,9 @@ def _step(model: MotorModel, plan: StepPlan, wait: int) -> ca.Function:
     gains = [parameter[own + k] for k in range(len(GAINS))]
     anti_windup = parameter[own + len(GAINS) + 2]
     command, integral = _controller(state, inputs, gains, memory, (highest, anti_windup))
-    queue = [
-        ca.if_else(samples, new, old)
-        for new, old in zip(
-            [ca.fmax(-highest, ca.fmin(highest, command)), *queue[:-1]], queue, strict=True
-        )
-    ]
+    limited = ca.fmax(-highest, ca.fmin(highest, command))
+    waiting = zip([limited, *queue[:-1]], queue, strict=True)
+    queue = [ca.if_else(samples, new, old) for new, old in waiting]
     applied = ca.if_else(applies, queue[-1], memory[3])
     rows = [inputs[k] for k in range(len(INPUTS))]
     rows[_INDEX["angle"]] = angle
@@ -215,11 +212,8 @@ def _chopped(
     highest, largest = limits
     x, u, p = model.symbols()
     rate = model.rates(x, u, p)[0]
-    linear = ca.Function(
-        "electrical",
-        [x, u, p],
-        [rate, ca.jacobian(rate, u[_INDEX["voltage"]]), -ca.jacobian(rate, x[0])],
-    )
+    parts = [rate, ca.jacobian(rate, u[_INDEX["voltage"]]), -ca.jacobian(rate, x[0])]
+    linear = ca.Function("electrical", [x, u, p], parts)
     rows = list(rows)
     rows[_INDEX["voltage"]] = rows[_INDEX["voltage_next"]] = applied
     slope, inverse, damping = linear(state, ca.vertcat(*rows), parameter)

@@ -138,8 +138,7 @@ class Judge:
 
     def _simulated(self, motors: UncertainMotor, gains: Array, samples: int) -> dict[str, Array]:
         """Metrics of the responses, (n_controller * n_temperature * n_draw,) each."""
-        drive = Drive(motors, self.specification)
-        rows = samples * drive.substeps * 5 * len(self.temperatures)
+        rows = 5 * samples * Drive(motors, self.specification).substeps * len(self.temperatures)
         # Whole controllers, so that the columns of a block stay together.
         block = self.motor.count * max(1, int(_NUMBERS_AT_ONCE / rows / self.motor.count))
         parts: list[dict[str, Array]] = []

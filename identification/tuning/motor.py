@@ -64,22 +64,20 @@ def motor_of(
         OptionError: A nominal parameter is missing or not accepted.
         InputError: The result lacks a parameter or an effect.
     """
-    if result is None:
-        model, estimate, peak = MotorModel(()), None, REFERENCE_TEMPERATURE_DEGC
-        omitted: tuple[str, ...] = ()
-    else:
+    whole, estimate = MotorModel(()), dict[str, float]()
+    if result is not None:
         whole, values = model_of(result)
         estimate = dict(zip((p.name for p in whole.parameters), values, strict=True))
-        model = MotorModel(acting_terms(whole))
-        omitted = tuple(term.name for term in whole.terms if term not in model.terms)
-        runs = [run for run in result.get("runs") or () if isinstance(run, Mapping)]
-        peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
-        peak = max(peaks, default=REFERENCE_TEMPERATURE_DEGC)
+    model = MotorModel(acting_terms(whole))
+    omitted = tuple(term.name for term in whole.terms if term not in model.terms)
+    runs = [run for run in (result or {}).get("runs") or () if isinstance(run, Mapping)]
+    peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
+    peak = max(peaks, default=REFERENCE_TEMPERATURE_DEGC)
     nominal = motor_draws({"alpha_Ra": 0.0, "alpha_Kt": 0.0, **draws}, [0.0])
     count = nominal["J"].size
     rows = dict(nominal)
     for parameter in model.parameters[len(nominal) :]:
-        value = draws.get(parameter.name, (estimate or {}).get(parameter.name))
+        value = draws.get(parameter.name, estimate.get(parameter.name))
         if value is None:
             raise InputError(f"no value of {parameter.name}; expected a result of 'motorid fit'")
         rows[parameter.name] = np.broadcast_to(np.asarray(value, dtype=np.float64), (count,))

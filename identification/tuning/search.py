@@ -18,15 +18,16 @@ Source: Kessler, Regelungstechnik 3 (1955), 40-49 (magnitude optimum) and 6 (195
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Final
 
 import numpy as np
 
-from identification.arrays import Array
+from identification.arrays import Array, evenly
 from identification.errors import OptionError
 from identification.speed_loop.controller import KINDS, PID, AbstractController
-from identification.speed_loop.tuning import suited_controller
+from identification.speed_loop.loop import suited_controller
 from identification.tuning.drive import GAINS
 from identification.tuning.judge import Judge, slack_at
 from identification.tuning.specification import METRICS
@@ -88,10 +89,8 @@ def searched(judge: Judge, kind: str, probability: float) -> Array:
 
 def _candidates(judge: Judge, kind: str) -> Array:
     """Gains on the grid of crossover, integral and derivative action, (4, n_candidate)."""
-    middle = judge.motor.thinned(1)
-    median = np.median(judge.motor.values, axis=1, keepdims=True)
     temperature = judge.temperatures[len(judge.temperatures) // 2]
-    middle = type(middle)(middle.model, median)
+    middle = replace(judge.motor, values=np.median(judge.motor.values, axis=1, keepdims=True))
     gain, poles = (part[0] for part in middle.plants(temperature))
     crossover = _crossovers(judge, poles)
     actions: Sequence[tuple[float, float, float]] = {
@@ -141,9 +140,9 @@ def _with_margins(judge: Judge, gains: Array, probability: float) -> Array:
     # All sufficient ones are equal here; the simulation decides among them.
     order = np.argsort(-np.minimum(reached, 0.0), kind="stable")
     kept = order[:_SIMULATED]
-    if (reached[order] >= 0).sum() > _SIMULATED:
-        enough = order[reached[order] >= 0]
-        kept = enough[np.linspace(0, enough.size - 1, _SIMULATED).astype(int)]
+    enough = order[reached[order] >= 0]
+    if enough.size > _SIMULATED:
+        kept = enough[evenly(enough.size, _SIMULATED)]
     return gains[:, kept]
 
 

@@ -19,7 +19,6 @@ import numpy as np
 from identification.arrays import Array
 from identification.errors import OptionError
 from identification.numerals import decimal_of
-from identification.result.entries import finite_or_null
 
 __all__ = ["METRICS", "Metric", "Specification", "parse_specification"]
 
@@ -138,11 +137,6 @@ class Specification:
     def lag(self) -> float:
         """Delay of the voltage on average: computation and half a sample time of the hold [s]."""
         return self.delay + 0.5 * self.sample_time
-
-    def content(self) -> dict[str, float | None]:
-        """Values by name; null for a requirement or limit that is not made."""
-        values: dict[str, float | None] = finite_or_null(asdict(self))
-        return values
 
 
 def parse_specification(text: str | Mapping[str, float]) -> Specification:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.stats import beta
 
 from identification.arrays import Array, evenly
 from identification.errors import OptionError
+from identification.result.entries import finite_or_null
 from identification.speed_loop.controller import KINDS, AbstractController, parse_controllers
 from identification.speed_loop.metrics import quantity
 from identification.speed_loop.spread import checked_temperatures
@@ -77,7 +79,7 @@ def tune(
     entries = [_entry(judge, one, probability, reach) for one in given]
     return {
         "schema_version": 1,
-        "specification": specification.content(),
+        "specification": finite_or_null(asdict(specification)),
         "temperature_degC": temperatures,
         "step_rad_s": judge.step,
         "reachable_rad_s": reach,
@@ -91,10 +93,10 @@ def tune(
 
 
 def _check(kinds: Sequence[str], probability: float, step: float | None) -> None:
-    wrong = [f"kind {kind!r} is not known; expected {', '.join(KINDS)}"
-             for kind in kinds if kind not in KINDS]  # fmt: skip
+    known = ", ".join(KINDS)
+    wrong = [f"kind {kind!r} is not known; expected {known}" for kind in kinds if kind not in KINDS]
     if not kinds:
-        wrong.append(f"no kind given; expected some of {', '.join(KINDS)}")
+        wrong.append(f"no kind given; expected some of {known}")
     if not 0.0 < probability <= 1.0:
         wrong.append(f"probability is {probability:g}; expected above 0 and at most 1")
     if step is not None and not 0.0 < step < np.inf:
@@ -168,33 +170,28 @@ def _long_enough(judge: Judge, gains: Array) -> tuple[int, Judgement]:
 
 def _worst(judge: Judge, found: Judgement, probability: float) -> dict[str, Any]:
     """Requirement and temperature with the smallest distance that the required fraction reaches."""
-    lowest: dict[str, Any] = {}
-    for name, slack in found.slack.items():
-        for k, temperature in enumerate(judge.temperatures):
-            reached = float(slack_at(slack[0, k], probability))
-            if lowest and not reached < lowest["reached"]:
-                continue
-            values = found.metrics[name][0, k]
-            lowest = {
-                "metric": name,
-                "temperature_degC": temperature,
-                "limit": judge.specification.required[name],
-                "value": _value_at(values, METRICS[name].is_upper, probability),
-                "quantile": probability if METRICS[name].is_upper else 1 - probability,
-                "unit": METRICS[name].unit,
-                "met_probability": float((slack[0, k] >= 0).mean()),
-                "reached": reached,
-            }
-    reached = lowest.pop("reached")
-    return lowest | {"slack": reached if np.isfinite(reached) else None}
-
-
-def _value_at(values: Array, is_upper: bool, probability: float) -> float | None:
-    """Value that the required fraction of the draws does not pass; None if it does not exist."""
-    bad = np.inf if is_upper else -np.inf
-    signed = np.where(np.isnan(values), bad, values) * (-1 if is_upper else 1)
-    value = float(slack_at(signed, probability)) * (-1 if is_upper else 1)
-    return value if np.isfinite(value) else None
+    reached = {
+        (name, k): float(slack_at(slack[0, k], probability))
+        for name, slack in found.slack.items()
+        for k in range(len(judge.temperatures))
+    }
+    name, k = min(reached, key=lambda key: reached[key])
+    metric = METRICS[name]
+    # The value that the required fraction of the draws does not pass, if it exists.
+    sign = -1 if metric.is_upper else 1
+    values = found.metrics[name][0, k]
+    signed = np.where(np.isnan(values), -np.inf, sign * values)
+    value = sign * float(slack_at(signed, probability))
+    return {
+        "metric": name,
+        "temperature_degC": judge.temperatures[k],
+        "limit": judge.specification.required[name],
+        "value": value if np.isfinite(value) else None,
+        "quantile": probability if metric.is_upper else 1 - probability,
+        "unit": metric.unit,
+        "met_probability": float((found.slack[name][0, k] >= 0).mean()),
+        "slack": reached[name, k] if np.isfinite(reached[name, k]) else None,
+    }
 
 
 def _by_temperature(judge: Judge, found: Judgement) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification.speed_loop import feedback_metrics
-from identification.speed_loop.tuning import suited_controller
+from identification.speed_loop.loop import suited_controller
 
 SERVO = {
     "Ra25": 1.1, "alpha_Ra": 0.0039, "Kt25": 0.115, "alpha_Kt": -0.0012,
