@@ -20,7 +20,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from identification.arrays import Array
 from identification.export.language import C, printed
 from identification.export.model import Exported
-from identification.model.composite import INPUTS, MotorModel
+from identification.model.composite import INPUTS
 from identification.model.history import initial_history
 from identification.model.scan import scan_of
 from identification.model.substeps import Substeps, divided
@@ -51,7 +51,7 @@ def c_code(motor: Exported, header: list[str]) -> str:
     names = ["x", "u", "p"]
     advance = printed(ca.Function("advance", [x, u, p], [following]), C, names, ["y"])
     sensors = printed(ca.Function("sensors", [x, u, p], [readings]), C, names, ["y"])
-    errors = _substep_errors(step, motor.model, motor.values, motor.interval, motor.span)
+    errors = _substep_errors(motor)
     enough = [count for count, error in errors.items() if error <= _ENOUGH]
     # Markers in place of the readings show which channel each history value starts at.
     history = initial_history(motor.model, np.array([1.0, 2.0]))
@@ -73,29 +73,20 @@ def c_code(motor: Exported, header: list[str]) -> str:
     )
 
 
-def _substep_errors(
-    step: ca.Function, model: MotorModel, values: Array, interval: float, span: Array
-) -> dict[int, float]:
+def _substep_errors(motor: Exported) -> dict[int, float]:
     """Largest error of current and speed over their ranges, by number of substeps [-].
 
     The reference is the simulation with 1024 substeps.
-
-    Args:
-        step: Step function (carry, inputs, parameter) -> (next carry, readings).
-        model: The model.
-        values: (n_parameter,) physical.
-        interval: Sample interval [s].
-        span: (2,) range of current and speed [A, rad/s].
     """
-    rows = _synthetic(values, interval, span)
-    carry = np.zeros((step.size1_in(0), 1))
+    rows, model = _synthetic(motor.values, motor.interval, motor.span), motor.model
+    carry = np.zeros((motor.step.size1_in(0), 1))
     temperatures = [k for k, name in enumerate(model.state_names) if name.endswith("temperature")]
     carry[temperatures] = REFERENCE_TEMPERATURE_DEGC
-    scan = scan_of(step, effort="once")
+    scan = scan_of(motor.step, effort="once")
 
     def simulated(count: int) -> Array:
         substeps = Substeps.even(np.full(rows.shape[0], count, dtype=np.int64))
-        parts = scan([divided(rows, substeps, model.held)], values[:, None], [carry])
+        parts = scan([divided(rows, substeps, model.held)], motor.values[:, None], [carry])
         return np.asarray(parts[1][0][::count, :, 0])
 
     reference = simulated(_REFERENCE)
@@ -105,8 +96,8 @@ def _substep_errors(
 
 def _synthetic(values: Array, interval: float, span: Array) -> Array:
     """Inputs (n_row, n_input) of the synthetic run."""
-    resistance, constant = values[0], values[2]
-    size = 0.5 * (abs(resistance) * span[0] + abs(constant) * span[1])
+    # Ra25 and Kt25, over half of the ranges.
+    size = 0.5 * (abs(values[0]) * span[0] + abs(values[2]) * span[1])
     k = np.arange(_ROWS)
     square = np.array([1.0, 0.0, -0.6, 0.0, 0.3, -1.0])[(k // 50) % 6]
     voltage = size * np.where(k < _ROWS // 2, square, np.sin(2 * np.pi * k / 150))

@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
+from uuid import UUID
 
 from identification.export.c_code import TEMPLATES, c_code
 from identification.export.model import Exported
@@ -66,8 +67,7 @@ def fmu(motor: Exported, header: list[str], fmi: Fmi) -> tuple[bytes, tuple[str,
     """Archive of the FMU for a major version of the standard, and remarks about what it lacks."""
     variables = list(_variables(motor))
     code = c_code(motor, header)
-    token = hashlib.sha256(f"{fmi}{code}".encode()).hexdigest()[:32]
-    token = "-".join([token[:8], token[8:12], token[12:16], token[16:20], token[20:]])
+    token = str(UUID(hashlib.sha256(f"{fmi}{code}".encode()).hexdigest()[:32]))
     token = f"{{{token}}}" if fmi == 2 else token
     is_sampled = motor.model.has_history
     source = code + "\n" + TEMPLATES.get_template("fmu.c").render(

@@ -101,7 +101,9 @@ def export(
         raise OptionError(
             f"export format {form!r} is not known; expected {', '.join(FORMATS)}", value=form
         )
-    chosen = checked_temperatures(temperatures or _usual_temperatures(result))
+    found = [entry.get("temperature_degC") for entry in entries_of(result.get("feedback"))]
+    usual = sorted({float(value) for value in found if isinstance(value, int | float)})
+    chosen = checked_temperatures(temperatures or usual or [25.0, 125.0])
     if temperatures and not FORMATS[form].is_linear:
         linear = ", ".join(name for name, one in FORMATS.items() if one.is_linear)
         raise OptionError(
@@ -113,12 +115,6 @@ def export(
     sampled = (remark,) if remark else ()
     made = FORMATS[form].write(Request(result, samples, chosen, sampled))
     return Export(made.content, (*sampled, *made.remarks))
-
-
-def _usual_temperatures(result: Mapping[str, Any]) -> list[float]:
-    found = [entry.get("temperature_degC") for entry in entries_of(result.get("feedback"))]
-    known = sorted({float(value) for value in found if isinstance(value, int | float)})
-    return known or [25.0, 125.0]
 
 
 def _fmu(request: Request, fmi: Literal[2, 3]) -> Export:

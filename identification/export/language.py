@@ -22,7 +22,7 @@ _LONGEST: Final = 400
 """Length of an expression from which it becomes a local variable [characters]."""
 
 _UNARY: Final = ("exp", "log", "sin", "cos", "tanh", "sqrt", "floor", "ceil", "fabs")
-_BINARY: Final = ("pow", "fmin", "fmax")
+_BINARY: Final = ("pow", "fmin", "fmax", "copysign")
 
 _COMMON: Final[Mapping[int, str]] = {
     ca.OP_ASSIGN: "{0}",
@@ -51,9 +51,6 @@ _CARET: Final[Mapping[int, str]] = {
     ca.OP_CONSTPOW: "({0})^({1})",
     ca.OP_SIGN: "sign({0})",
 }
-
-_REPEATED: Final = (ca.OP_SQ,)
-"""Operations that write their operand twice."""
 
 
 def _logic(number: str, both: str, either: str, differs: str = "!=") -> dict[int, str]:
@@ -91,7 +88,6 @@ C: Final = Language(
         **_COMMON,
         **_logic("(double)({0})", "&&", "||"),
         ca.OP_SIGN: "(double)(({0} > 0.0) - ({0} < 0.0))",
-        ca.OP_COPYSIGN: "copysign({0}, {1})",
         ca.OP_IF_ELSE_ZERO: "({0} != 0.0 ? {1} : 0.0)",
     },
     "    const double {0} = {1};",
@@ -105,7 +101,6 @@ PYTHON: Final = Language(
         **_SHORT_NAMES,
         **_logic("float({0})", "and", "or"),
         ca.OP_SIGN: "float(({0} > 0.0) - ({0} < 0.0))",
-        ca.OP_COPYSIGN: "copysign({0}, {1})",
         ca.OP_IF_ELSE_ZERO: "({1} if {0} != 0.0 else 0.0)",
     },
     "    {0} = {1}",
@@ -216,7 +211,8 @@ def _uses(
     for k, operation in enumerate(operations):
         if operation not in (ca.OP_CONST, ca.OP_INPUT):
             made[k] = [latest[j] for j in function.instruction_input(k)]
-            uses.update(made[k] * (2 if operation in _REPEATED else 1))
+            # A square writes its operand twice.
+            uses.update(made[k] * (2 if operation == ca.OP_SQ else 1))
         if operation != ca.OP_OUTPUT:
             latest[function.instruction_output(k)[0]] = k
     return made, uses

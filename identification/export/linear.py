@@ -64,13 +64,10 @@ def matrices(values: Mapping[str, Array | float], temperature: float) -> tuple[A
         )
     resistance = coefficient_at(v["Ra25"], v["alpha_Ra"], checked)
     constant = coefficient_at(v["Kt25"], v["alpha_Kt"], checked)
+    electrical = [-resistance / v["L"], -constant / v["L"]]
+    mechanical = [constant / v["J"], -v["b"] / v["J"]]
     zero = np.zeros_like(v["J"])
-    a = np.array(
-        [
-            [-resistance / v["L"], -constant / v["L"]],
-            [constant / v["J"], -v["b"] / v["J"]],
-        ]
-    )
+    a = np.array([electrical, mechanical])
     b = np.array([[1 / v["L"], zero], [zero, -1 / v["J"]]])
     return np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
 
