@@ -85,8 +85,8 @@ class DesignModel:
         """Physical values (n_parameter, n_lane) at steps of the coordinates from the estimate."""
         log, scale = self.logarithmic[:, None], self.scale[:, None]
         factor = np.exp(np.clip(np.where(log, steps, 0.0), -50.0, 50.0))
-        values = np.where(log, self.estimate[:, None] * factor, self.estimate[:, None])
-        values = np.where(log, values, values + scale * steps)
+        estimate = self.estimate[:, None]
+        values = np.where(log, estimate * factor, estimate + scale * steps)
         lower = np.array([parameter.lower for parameter in self.model.parameters])[:, None]
         upper = np.array([parameter.upper for parameter in self.model.parameters])[:, None]
         inside = np.clip(values, lower, upper)
@@ -264,8 +264,7 @@ def _metric(
     steps = np.minimum(_STEP, 0.1 * sd)
     moved = model.moved(np.concatenate([np.diag(steps), np.diag(-steps)], axis=1))
     values = np.concatenate([model.estimate[:, None], moved], axis=1)
-    found = np.array([_value(values[:, k], metric, temperature, model, controller)
-                      for k in range(values.shape[1])])  # fmt: skip
+    found = np.array([_value(one, metric, temperature, model, controller) for one in values.T])
     if not np.isfinite(found).all():
         raise OptionError(
             f"narrow {text!r}: the loop with {controller} at {temperature:g} degC does not define "

@@ -50,11 +50,10 @@ class Profile:
 
     def followed_by(self, other: Profile) -> Profile:
         """This profile in the first half of the run, the other one in the second half."""
+        halves = [self.lengths / self.lengths.sum(), other.lengths / other.lengths.sum()]
         return Profile(
             f"{self.label}, then {other.label}",
-            np.concatenate(
-                [self.lengths / self.lengths.sum(), other.lengths / other.lengths.sum()]
-            ),
+            np.concatenate(halves),
             np.concatenate([self.starts, other.starts]),
             np.concatenate([self.ends, other.ends]),
         )
