@@ -76,19 +76,14 @@ def drifts(refits: Sequence[Refit]) -> list[dict[str, Drift]]:
         }
         for refit in refits
     ]
-    cells = [
-        (row, name, drift.probability)
-        for row, changes in enumerate(found)
-        for name, drift in changes.items()
-        if drift.probability is not None
-    ]
-    corrected = adjusted([p for _, _, p in cells])
-    for (row, name, _), probability in zip(cells, corrected, strict=True):
-        found[row][name] = replace(
-            found[row][name],
-            probability=probability,
-            is_significant=probability <= FALSE_DISCOVERY_RATE,
-        )
+    p_values = [one.probability for changes in found for one in changes.values()]
+    remaining = iter(adjusted([p for p in p_values if p is not None]))
+    for changes in found:
+        for name, one in changes.items():
+            if one.probability is not None:
+                p = next(remaining)
+                judged = p <= FALSE_DISCOVERY_RATE
+                changes[name] = replace(one, probability=p, is_significant=judged)
     return found
 
 

@@ -137,14 +137,10 @@ class _Change:
 
     def direction(self, relative: Mapping[str, float]) -> Array:
         """(n_parameter,) direction of a cause in the coordinates of the difference."""
-        return np.array(
-            [
-                relative.get(name, 0.0) * (self.before[name] / _TYPICAL[name])
-                if name in _TYPICAL
-                else relative.get(name, 0.0)
-                for name in self.names
-            ]
-        )
+        units = {
+            name: self.before[name] / _TYPICAL[name] for name in self.names if name in _TYPICAL
+        }
+        return np.array([relative.get(name, 0.0) * units.get(name, 1.0) for name in self.names])
 
 
 def _change(now: Refit, before: Refit, differing: set[str]) -> _Change:
@@ -251,11 +247,8 @@ def _ray_bayes_factor(size: float, strength: float) -> float:
         variance = 1.0 / (strength + scale**-2.0)
         mean = variance * strength * size
         sd = math.sqrt(variance)
-        terms.append(
-            math.log(2.0 * sd / scale)
-            + mean**2 / (2.0 * variance)
-            + float(log_ndtr(mean / sd))
-        )  # fmt: skip
+        is_positive = float(log_ndtr(mean / sd))
+        terms.append(math.log(2.0 * sd / scale) + mean**2 / (2.0 * variance) + is_positive)
     return _log_mean(terms)
 
 
@@ -263,18 +256,12 @@ def _free_bayes_factor(change: _Change) -> float:
     """Log Bayes factor of independent changes of all parameters against no change."""
     eigenvalues, vectors = np.linalg.eigh(change.covariance)
     squares = (vectors.T @ change.difference) ** 2
-    return _log_mean(
-        [
-            0.5
-            * float(
-                (
-                    np.log(eigenvalues / (eigenvalues + scale**2))
-                    + squares * (1.0 / eigenvalues - 1.0 / (eigenvalues + scale**2))
-                ).sum()
-            )
-            for scale in _SCALES
-        ]
-    )
+    logarithms = []
+    for scale in _SCALES:
+        wider = eigenvalues + scale**2
+        terms = np.log(eigenvalues / wider) + squares * (1.0 / eigenvalues - 1.0 / wider)
+        logarithms.append(0.5 * float(terms.sum()))
+    return _log_mean(logarithms)
 
 
 def _log_mean(logarithms: Sequence[float]) -> float:

@@ -162,11 +162,10 @@ def rows_of(refits: Sequence[Refit]) -> list[Row]:
     for pool in pools_of(refits):
         for number, quantiles in pool.motors.items():
             pooled[number][pool.name] = quantiles
+    found = zip(refits, drifts(refits), explanations(refits), pooled, strict=True)
     motors = [
         _Motor(refit, refit.previous, changes, change or Explanation((), None), shared)
-        for refit, changes, change, shared in zip(
-            refits, drifts(refits), explanations(refits), pooled, strict=True
-        )
+        for refit, changes, change, shared in found
     ]
     return [{name: cell(one) for name, (_, _, cell) in _TABLE.items()} for one in motors]
 

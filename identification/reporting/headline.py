@@ -247,15 +247,9 @@ def _loop_figures(result: Entry) -> list[KeyFigure]:
         value = pair_text(cold[key], None, " → ", unit)
         return KeyFigure(label, value, f"{texts[0]} → {texts[1]} (not determined), {name}", "fair")
 
-    return [
-        figure(key, label, unit)
-        for key, label, unit in (
-            ("rise_time_s", "Rise time", "s"),
-            ("overshoot_percent", "Overshoot", "%")
-            if suited
-            else ("steady_state", "Final value", ""),
-        )
-    ]
+    final = ("steady_state", "Final value", "")
+    second = ("overshoot_percent", "Overshoot", "%") if suited else final
+    return [figure("rise_time_s", "Rise time", "s"), figure(*second)]
 
 
 def _tone(ratio: float | None, is_coloured: bool) -> str:

@@ -136,14 +136,12 @@ def _quality(result: Entry) -> str:
     if not ratios:
         return ""
     before = (result["errors"]["before"].get(role) or {}) if result["effects"] else {}
-    ratio_text = listed(
-        [
-            f"{number_text(ratio, 3)} for the {name}{_formerly(before.get(name))}"
-            for name, ratio in ratios.items()
-        ]
-    )
+    texts = [
+        f"{number_text(ratio, 3)} for the {name}{_formerly(before.get(name))}"
+        for name, ratio in ratios.items()
+    ]
     verdict = verdict_words(result)
-    return f"On the {role} runs, the ratio of RMSE to sensor noise is {ratio_text}: {verdict}."
+    return f"On the {role} runs, the ratio of RMSE to sensor noise is {listed(texts)}: {verdict}."
 
 
 def verdict_words(result: Entry, coloured: Sequence[str] = ()) -> str:
@@ -154,17 +152,15 @@ def verdict_words(result: Entry, coloured: Sequence[str] = ()) -> str:
     _, errors = deciding_errors(result)
     known = {name: error for name, error in errors.items() if error}
     ratios = [error["noise_ratio"] for error in known.values() if error["noise_ratio"] is not None]
-    missed = listed(
-        [
-            f"the {channel} (NRMSE {percent_text(error['nrmse'], 3)})"
-            for channel, error in known.items()
-            if (error["nrmse"] or 0.0) > POOR_FIT
-        ]
-    )
+    missed = [
+        f"the {channel} (NRMSE {percent_text(error['nrmse'], 3)})"
+        for channel, error in known.items()
+        if (error["nrmse"] or 0.0) > POOR_FIT
+    ]
     if missed:
         return (
-            f"but the model explains little of {missed}; either it does not apply to these runs, "
-            "or the sensor signal is mostly noise"
+            f"but the model explains little of {listed(missed)}; either it does not apply to these "
+            "runs, or the sensor signal is mostly noise"
         )
     return _verdict(result, max(ratios), coloured) if ratios else ""
 

@@ -149,18 +149,16 @@ def _power(exponent: float) -> float:
 
 def _shifts(shifts: Mapping[str, Any], effects: Sequence[str]) -> str:
     """Sentence on the bias of the nominal-model parameters that the missing effects caused."""
-    moved = sorted(
-        (
-            (name, shift["relative"])
-            for name, shift in shifts.items()
-            if shift["off"] and None not in shift["relative"].values()
-        ),
-        key=lambda item: -abs(item[1]["median"]),
-    )
+    moved = {
+        name: shift["relative"]
+        for name, shift in shifts.items()
+        if shift["off"] and None not in shift["relative"].values()
+    }
     if not moved:
         return ""
     effects = [effect_words(name) for name in effects]
-    biases = [f"{name} is {_off(relative)}" for name, relative in moved]
+    worst_first = sorted(moved, key=lambda name: -abs(moved[name]["median"]))
+    biases = [f"{name} is {_off(moved[name])}" for name in worst_first]
     return (
         f"The nominal model omits {listed(effects)}, and its estimates are therefore biased: "
         f"{listed(biases)} (in brackets: 90 % intervals)."

@@ -170,19 +170,17 @@ def _reasons(findings: Findings) -> dict[str, str]:
     temperature = np.concatenate([r.column("temperature") for r in records])
     interval = sample_interval(records)
     values = findings.analysis.final.by_name
-    reasons = {}
+    reasons: dict[str, str] = {}
     if np.ptp(temperature) < 3.0:
-        for name in ("alpha_Ra", "alpha_Kt"):
-            reasons[name] = (
-                f"the temperature span of the runs is {np.ptp(temperature):.1f} K; the coefficient "
-                "requires runs at different temperatures"
-            )
+        reasons["alpha_Ra"] = reasons["alpha_Kt"] = (
+            f"the temperature span of the runs is {np.ptp(temperature):.1f} K; the coefficient "
+            "requires runs at different temperatures"
+        )
         if abs(float(np.mean(temperature)) - 25.0) > 5.0:
-            for name in ("Ra25", "Kt25"):
-                reasons[name] = (
-                    "all runs are at one temperature away from 25 degC, so the value at 25 degC "
-                    "depends on the general prior of the temperature coefficient"
-                )
+            reasons["Ra25"] = reasons["Kt25"] = (
+                "all runs are at one temperature away from 25 degC, so the value at 25 degC "
+                "depends on the general prior of the temperature coefficient"
+            )
     if values["L"] / values["Ra25"] < 0.3 * interval:
         reasons["L"] = (
             "the electrical time constant is much shorter than the sample interval of "

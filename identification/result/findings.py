@@ -201,11 +201,8 @@ def channel_errors(simulated: Sequence[Simulated], noise: Array) -> Errors | Non
             [s.record.measured[mask, channel] for s, mask in pairs],
         )
         ratio = errors.rmse / noise[channel] if noise[channel] > 0 else np.nan
-        entries[name] = {
-            "rmse": finite_or_null(errors.rmse),
-            "nrmse": finite_or_null(errors.nrmse),
-            "noise_ratio": finite_or_null(ratio),
-        }
+        found = {"rmse": errors.rmse, "nrmse": errors.nrmse, "noise_ratio": ratio}
+        entries[name] = finite_or_null(found)
     return entries
 
 

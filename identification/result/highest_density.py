@@ -134,9 +134,5 @@ def _places(
     low, high = height[row, column], height[row + ~along_x, column + along_x]
     share = (level - low) / (high - low)
     x, y = centres
-    return np.column_stack(
-        [
-            np.interp(column + along_x * share, np.arange(x.size), x),
-            np.interp(row + ~along_x * share, np.arange(y.size), y),
-        ]
-    )
+    across = np.interp(column + along_x * share, np.arange(x.size), x)
+    return np.column_stack([across, np.interp(row + ~along_x * share, np.arange(y.size), y)])

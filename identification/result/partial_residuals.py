@@ -177,12 +177,8 @@ class FinalPath:
 
     def _own(self, found: PathSamples) -> PathSamples:
         """Replace the collinear component of the smoothed trace by that of the final model."""
-        collinear = np.column_stack(
-            [
-                columns @ part
-                for columns, part in zip(_regressors(found), self._coefficients, strict=True)
-            ]
-        )
+        parts = zip(_regressors(found), self._coefficients, strict=True)
+        collinear = np.column_stack([columns @ part for columns, part in parts])
         return replace(found, missing=found.missing - collinear)
 
     @cached_property
@@ -254,14 +250,9 @@ def _rates(
     pushed = ca.SX.sym("e", 2)
     rates = model.adding(Disturbance()).rates(x, u, ca.vertcat(p, pushed))[:2]
     response = ca.diag(ca.jacobian(rates, pushed))
-    found = ca.substitute(ca.vertcat(rates, response), pushed, ca.SX.zeros(2))
-    function = ca.Function("rates", [x, u, p], [ca.densify(found)])
-    both = np.array(
-        [
-            values_at(
-                function, states[:, at, lane], inputs, np.repeat(one[None], len(inputs), axis=0)
-            )
-            for lane, one in enumerate(own.T)
-        ]
-    )
+    seen = ca.substitute(ca.vertcat(rates, response), pushed, ca.SX.zeros(2))
+    function = ca.Function("rates", [x, u, p], [ca.densify(seen)])
+    lanes = [np.repeat(one[None], len(inputs), axis=0) for one in own.T]
+    found = [values_at(function, states[:, at, k], inputs, one) for k, one in enumerate(lanes)]
+    both = np.array(found)
     return both[:, :, :2], both[:, :, 2:]
