@@ -18,7 +18,7 @@ import numpy as np
 from identification.arrays import Array, Bool, Index
 from identification.speed_loop.metrics import BAND, RISE, StepMetrics
 
-__all__ = ["is_at_rest", "sampled_metrics"]
+__all__ = ["ends", "is_at_rest", "sampled_metrics"]
 
 
 _LAST: Final = 0.1
@@ -31,7 +31,7 @@ _HALVINGS: Final = 40
 
 def is_at_rest(speed: Array) -> Bool:
     """Whether each response (n_time, n_loop), sampled uniformly, has settled at its final value."""
-    last, before = _ends(speed)
+    last, before = ends(speed)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(last - before) <= _STILL * np.maximum(np.abs(last), _LEAST_FINAL))
 
@@ -45,7 +45,7 @@ def sampled_metrics(
     the slope its time derivative [1/s].  Final values (n_loop,) [-] that are not known are taken
     from the responses.
     """
-    final = _ends(speed)[0] if final is None else final
+    final = ends(speed)[0] if final is None else final
     usable = np.isfinite(speed).all(axis=0) & (np.abs(final) > _LEAST_FINAL)
     columns = np.full((5, final.size), np.nan)
     if usable.any():
@@ -63,8 +63,8 @@ def sampled_metrics(
     )
 
 
-def _ends(speed: Array) -> tuple[Array, Array]:
-    """Means over the last tenth of the response and over the tenth before it."""
+def ends(speed: Array) -> tuple[Array, Array]:
+    """Means of responses (n_time, n_loop) over the last tenth and over the tenth before it."""
     count = max(2, int(_LAST * speed.shape[0]))
     with np.errstate(invalid="ignore", over="ignore"):
         return speed[-count:].mean(axis=0), speed[-2 * count : -count].mean(axis=0)

@@ -17,7 +17,7 @@ from identification.arrays import Array, Bool
 from identification.errors import OptionError
 from identification.speed_loop.loop import Loop
 from identification.speed_loop.margins import delayed_margins
-from identification.speed_loop.sampled import sampled_metrics
+from identification.speed_loop.sampled import ends, sampled_metrics
 from identification.tuning.drive import GAINS, Drive, Response, most_samples
 from identification.tuning.motor import UncertainMotor
 from identification.tuning.specification import METRICS, Specification
@@ -28,7 +28,6 @@ _NUMBERS_AT_ONCE: Final = 2e7
 _LEAST_SAMPLES: Final = 40
 _BEYOND: Final = {"rise_time": 8.0, "settling_time": 3.0}
 _TIME_CONSTANTS: Final = 8.0
-_LAST: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -158,9 +157,8 @@ class Judge:
 def _metrics(response: Response, step: float, gains: Array) -> dict[str, Array]:
     speed = response.speed / step
     integrates = gains[GAINS.index("ki")] != 0
-    last = max(2, int(_LAST * speed.shape[0]))
     with np.errstate(all="ignore"):
-        end = speed[-last:].mean(axis=0)
+        end, _ = ends(speed)
         # With integral action the final speed is the reference, also before it is reached.
         final = np.where(integrates, 1.0, end)
         steady_error = np.round(100 * np.abs(1 - end), 9)  # without the rounding of the simulation

@@ -49,7 +49,7 @@ class UncertainMotor:
         return replace(self, values=self.values[:, evenly(self.count, most)])
 
     def plants(self, temperature: float) -> tuple[Array, Array]:
-        """Gain and denominator of the linear motor for each draw, as `feedback.loop.plant`."""
+        """Gain and denominator of the linear motor for each draw, as `speed_loop.loop.plant`."""
         return plant(self.draws, temperature)
 
 
