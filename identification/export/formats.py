@@ -16,6 +16,7 @@ from identification.export.fmu import fmu
 from identification.export.language import MATLAB, MODELICA, PYTHON, Language
 from identification.export.model import Exported, entries_of, exported_model
 from identification.export.scripts import continuous_notes, linear_motors, script
+from identification.fleet.table import csv_cell
 from identification.speed_loop.metrics import METRIC_UNITS
 from identification.speed_loop.spread import checked_temperatures
 
@@ -156,7 +157,7 @@ def csv_table(result: Mapping[str, Any]) -> str:
     writer = csv.DictWriter(text, _COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
     for row in _rows(result):
-        writer.writerow({name: _cell(row.get(name)) for name in _COLUMNS})
+        writer.writerow({name: csv_cell(row.get(name)) for name in _COLUMNS})
     return text.getvalue()
 
 
@@ -176,14 +177,3 @@ def _rows(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 def _members(found: object) -> Sequence[tuple[str, Mapping[str, Any]]]:
     members = found.items() if isinstance(found, Mapping) else ()
     return [(str(name), entry) for name, entry in members if isinstance(entry, Mapping)]
-
-
-def _cell(value: object) -> object:
-    """Cell of the table; a text that a spreadsheet would evaluate is marked as text."""
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    # A sign alone, such as the unit of a ratio, is no formula.
-    is_formula = isinstance(value, str) and len(value) > 1 and value[0] in "=+-@\t\r"
-    return f"'{value}" if is_formula else value

@@ -24,6 +24,7 @@ __all__ = [
     "COLUMNS",
     "POOLED_COLUMNS",
     "MissingParquet",
+    "csv_cell",
     "csv_text",
     "parquet_bytes",
     "pooled_rows",
@@ -37,7 +38,8 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]+")
 
 # A formula begins at the start of a cell or after a separator at which some spreadsheets split.
 # Spreadsheets in Japanese or Chinese locales also accept the full-width forms of = + - @.
-_FORMULA = re.compile(r"(^|[;,])(?=\s*[=+\-@\uff1d\uff0b\uff0d\uff20])")
+# A sign alone, such as the unit of a ratio, is none.
+_FORMULA = re.compile(r"(^|[;,])(?=\s*[=+\-@\uff1d\uff0b\uff0d\uff20]\s*[^\s;,])")
 
 _QUANTILES = ("q05", "median", "q95")
 
@@ -184,7 +186,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]], columns: Iterable[str] = COLUMNS
     table = io.StringIO()
     writer = csv.DictWriter(table, list(columns), lineterminator="\n")
     writer.writeheader()
-    writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    writer.writerows({name: csv_cell(value) for name, value in row.items()} for row in rows)
     return table.getvalue()
 
 
@@ -235,7 +237,7 @@ def _levels(name: str, quantiles: Sequence[float | None]) -> Row:
     return {f"{name}_{level}": v for level, v in zip(_QUANTILES, quantiles, strict=True)}
 
 
-def _cell(value: object) -> object:
+def csv_cell(value: object) -> object:
     """CSV cell; an apostrophe precedes any text that a spreadsheet would read as a formula.
 
     Source:
