@@ -15,6 +15,7 @@ from identification.surrogates.laws import (
     SupplySag,
 )
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple, SpeedRipple
+from identification.surrogates.thermometer import ThermometerError
 
 __all__ = ["LAWS", "SURROGATES"]
 
@@ -30,5 +31,10 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
 )
 """Terms that the search tries if no effect of its catalogue explains the residual."""
 
-LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag, GearFriction, SpeedRipple)
+LAWS: Final[tuple[type[AbstractEffect], ...]] = (
+    SupplySag,
+    GearFriction,
+    SpeedRipple,
+    ThermometerError,
+)
 """Physical laws outside the catalogue that the search tries together with its effects."""
