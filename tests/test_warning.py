@@ -32,7 +32,7 @@ def test_text_is_the_message_and_then_the_remedy() -> None:
 def calls_of(path: Path) -> list[ast.Call]:
     """Calls of a module that make a warning or a finding."""
     nodes = ast.walk(ast.parse(path.read_text("utf-8")))
-    names = ("ResultWarning", "Finding")
+    names = ("ResultWarning", "Finding", "refusal", "suspicion")
     return [n for n in nodes if isinstance(n, ast.Call) and getattr(n.func, "id", "") in names]
 
 

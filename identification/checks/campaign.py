@@ -22,7 +22,7 @@ from identification.checks.dead import (
     unlogged_voltage_findings,
 )
 from identification.checks.driven import driven_findings
-from identification.checks.finding import Finding, Omission
+from identification.checks.finding import Finding, Omission, refusal, suspicion
 from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
@@ -142,7 +142,16 @@ def _single(run: Run, strongest: Array, held: float) -> list[Finding]:
     jumps = list(jump_findings(run))
     moved = _sizes(run)
     if np.all(moved < _DRIVEN * strongest):
-        return [*jumps, _idle(run, float(np.max(moved / strongest)))]
+        share = float(np.max(moved / strongest))
+        idle = suspicion(
+            "idle_run",
+            run,
+            None,
+            "the motor hardly moves, so the run carries no information; omit it, or check that the "
+            "drive was on",
+            ("standard deviation of the signals relative to the other runs", share, _DRIVEN),
+        )
+        return [*jumps, idle]
     signals = signals_of(run)
     if moved[0] < _DRIVEN * strongest[0]:
         return [*unlogged_voltage_findings(run, signals), *jumps]
@@ -161,35 +170,17 @@ def _single(run: Run, strongest: Array, held: float) -> list[Finding]:
         found = list(check(run, signals))
         if found:
             return found + jumps
-    return [*jumps, _locked(run, held)] if held > _HELD else jumps
-
-
-def _idle(run: Run, share: float) -> Finding:
-    return Finding(
-        "idle_run",
-        "suspect",
-        run.name,
-        None,
-        "the motor hardly moves, so the run carries no information; omit it, or check that the "
-        "drive was on",
-        "standard deviation of the signals relative to the other runs",
-        share,
-        _DRIVEN,
-    )
-
-
-def _locked(run: Run, held: float) -> Finding:
-    return Finding(
+    if held <= _HELD:
+        return jumps
+    locked = refusal(
         "locked_shaft",
-        "refuse",
-        run.name,
+        run,
         "speed_rad_s",
         "the motor stands still with more current than another run needs to turn it: the shaft is "
         "locked, as in a stall test, or the speed sensor is not connected; omit the run",
-        "RMS current relative to the turning run with the least",
-        held,
-        _HELD,
+        ("RMS current relative to the turning run with the least", held, _HELD),
     )
+    return [*jumps, locked]
 
 
 def _unexplained(run: Run, signals: Signals) -> Iterator[Finding]:
@@ -197,16 +188,13 @@ def _unexplained(run: Run, signals: Signals) -> Iterator[Finding]:
     fits = [b.electrical for b in signals.balances]
     missed = min((f.missed for f in fits if f is not None), default=0.0)
     if missed >= _UNEXPLAINED and has_signal(signals.voltage):
-        yield Finding(
+        yield refusal(
             "unexplained_voltage",
-            "refuse",
-            run.name,
+            run,
             "voltage_V",
             "current and speed do not explain it (v = R i + K w); check that all channels belong "
             "to one motor and one recording, and that it is the voltage at the motor terminals",
-            "unexplained fraction of the voltage variance",
-            missed,
-            _UNEXPLAINED,
+            ("unexplained fraction of the voltage variance", missed, _UNEXPLAINED),
         )
 
 

@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 
 from identification.checks.balance import signals_of
-from identification.checks.finding import Finding, factor
+from identification.checks.finding import Finding, factor, refusal
 from identification.ingest.run import Run
 
 __all__ = ["Estimate", "consistency_findings", "estimate_of", "scale_of"]
@@ -188,17 +188,14 @@ def _sign_finding(e: Estimate, gain: float, constant: float) -> Finding:
     """Finding for a channel that has the opposite sign of that in the other runs."""
     channel = "speed_rad_s" if gain > 0.0 else "current_A" if constant > 0.0 else "voltage_V"
     word, value = ("current", gain) if gain < 0.0 else ("speed", constant)
-    return Finding(
+    return refusal(
         "reversed_channel",
-        "refuse",
-        e.run.name,
+        e.run,
         channel,
         "has the wrong sign: voltage, current and speed have other signs relative to each other "
         "than in the other runs",
-        f"voltage per {word} relative to the other runs",
-        value,
-        0.0,
-        (factor(e.run, channel, -1.0),),
+        (f"voltage per {word} relative to the other runs", value, 0.0),
+        factor(e.run, channel, -1.0),
     )
 
 
@@ -225,16 +222,14 @@ def _odd_finding(e: Estimate, fitting: Sequence[Estimate]) -> Finding:
         if far_constant
         else ("Ra", "ohm", e.resistance, resistance, _RESISTANCE)
     )
-    return Finding(
+    ratio, limit = value / usual, math.exp(limit if value > usual else -limit)
+    return refusal(
         "foreign_motor",
-        "refuse",
-        e.run.name,
+        e.run,
         None,
         f"another motor or a wrong channel scale: {name} is {value:.3g} {unit} in this run and "
         f"{usual:.3g} {unit} in the other runs; omit the run, or correct the scale",
-        f"{name} relative to the other runs",
-        value / usual,
-        math.exp(limit if value > usual else -limit),
+        (f"{name} relative to the other runs", ratio, limit),
     )
 
 
@@ -261,16 +256,13 @@ def _scale_finding(e: Estimate, channel: str, s: float, unit: str, *, ratio: flo
     if channel != "current_A":
         statistic, value = "Kt relative to the other runs", ratio
         limit = math.exp(math.copysign(_CONSTANT, math.log(abs(value))))
-    return Finding(
+    return refusal(
         "scaled_channel",
-        "refuse",
-        e.run.name,
+        e.run,
         channel,
         f"the values are {s:.4g} times those expected from the other runs{kind}",
-        statistic,
-        value,
-        limit,
-        (factor(e.run, channel, 1.0 / s),),
+        (statistic, value, limit),
+        factor(e.run, channel, 1.0 / s),
     )
 
 
@@ -333,15 +325,13 @@ def _time_ratio(e: Estimate, sound: Sequence[Estimate]) -> float | None:
 
 def _time_finding(e: Estimate, ratio: float, sound: Sequence[Estimate]) -> Finding:
     unit = {1e3: "ms", 1e6: "us", 1e9: "ns"}.get(ratio, "another unit")
-    return Finding(
+    relative = e.interval / median_low(o.interval for o in sound if o is not e)
+    return refusal(
         "scaled_channel",
-        "refuse",
-        e.run.name,
+        e.run,
         "time_s",
         f"the values are {ratio:g} times too large, probably in {unit}: sample interval and "
         "inertia exceed those of the other runs by this factor",
-        "sample interval relative to the other runs",
-        e.interval / median_low(o.interval for o in sound if o is not e),
-        ratio / math.exp(_TIME),
-        (factor(e.run, "time_s", 1.0 / ratio),),
+        ("sample interval relative to the other runs", relative, ratio / math.exp(_TIME)),
+        factor(e.run, "time_s", 1.0 / ratio),
     )

@@ -18,7 +18,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -34,7 +33,7 @@ from identification.checks.balance import (
     mean_square,
     regress,
 )
-from identification.checks.finding import Finding, signed
+from identification.checks.finding import Finding, Measured, refusal, signed, suspicion
 from identification.ingest.run import Run
 
 __all__ = [
@@ -79,15 +78,12 @@ def copied_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     for first, second in itertools.combinations(CHANNELS, 2):
         one, other = getattr(signals, CHANNELS[first]), getattr(signals, CHANNELS[second])
         if np.ptp(one) > 0.0 and np.array_equal(np.abs(one), np.abs(other)):
-            yield Finding(
+            yield refusal(
                 "copied_channel",
-                "refuse",
-                run.name,
+                run,
                 second,
                 f"has the same samples as {first}; export the correct signal",
-                "number of equal samples",
-                float(one.size),
-                0.0,
+                ("number of equal samples", float(one.size), 0.0),
             )
 
 
@@ -102,12 +98,13 @@ def dead_findings(run: Run, signals: Signals) -> Iterator[Finding]:
         return
     current = max(_explained(b, "current") for b in balances)
     speed = max(_explained(b, "speed") for b in balances)
+    share = "explained fraction of the variance"
     if current < _FOLLOWS and speed > _OTHER and _needed(balances, "current") > _NEEDED:
-        yield _dead(run, "current_A", "the voltage and the speed", current)
+        yield _dead(run, "current_A", "the voltage and the speed", (share, current, _FOLLOWS))
     if speed < _FOLLOWS and current > _OTHER and _needed(balances, "speed") > _NEEDED:
-        yield _dead(run, "speed_rad_s", "the voltage and the current", speed)
+        yield _dead(run, "speed_rad_s", "the voltage and the current", (share, speed, _FOLLOWS))
     if current < _FOLLOWS and speed < _FOLLOWS:
-        yield _dead(run, None, "the voltage", max(current, speed))
+        yield _dead(run, None, "the voltage", (share, max(current, speed), _FOLLOWS))
 
 
 def _noise_findings(run: Run, signals: Signals) -> Iterator[Finding]:
@@ -116,26 +113,21 @@ def _noise_findings(run: Run, signals: Signals) -> Iterator[Finding]:
         return
     for column in ("current_A", "speed_rad_s"):
         if _is_noise(signals, CHANNELS[column]):
-            yield replace(
-                _dead(run, column, "the voltage and the other channel", 0.0),
-                statistic="probability of noise that is explained as well",
-                value=noise_probability(signals, CHANNELS[column]),
-                limit=NOISE_PROBABILITY,
-            )
+            probability = noise_probability(signals, CHANNELS[column])
+            measured = "probability of noise that is explained as well", probability
+            others = "the voltage and the other channel"
+            yield _dead(run, column, others, (*measured, NOISE_PROBABILITY))
 
 
-def _dead(run: Run, column: str | None, others: str, explained: float) -> Finding:
+def _dead(run: Run, column: str | None, others: str, measured: Measured) -> Finding:
     subject = "" if column else "current_A and speed_rad_s: "
-    return Finding(
+    return refusal(
         "dead_sensor",
-        "refuse",
-        run.name,
+        run,
         column,
         f"{subject}no response to {others}; probably a sensor is not connected or the motor was "
         "not driven; omit the run, or repeat the measurement",
-        "explained fraction of the variance",
-        explained,
-        _FOLLOWS,
+        measured,
     )
 
 
@@ -186,16 +178,13 @@ def stuck_findings(run: Run, signals: Signals) -> Iterator[Finding]:
             continue
         ratio, share = _inside(signals, start, stop)
         if ratio > _STUCK and share > _STUCK_SHARE:
-            yield Finding(
+            yield refusal(
                 "stuck_sensor",
-                "refuse",
-                run.name,
+                run,
                 column,
                 f"is constant at {signal[start] + 0.0:.6g} for {stop - start} samples from "
                 f"{signals.time[start]:.6g} s while the other channels change; cut the file there",
-                "RMS error of the voltage balance relative to the other samples",
-                ratio,
-                _STUCK,
+                ("RMS error of the voltage balance relative to the other samples", ratio, _STUCK),
             )
 
 
@@ -299,6 +288,7 @@ def unlogged_voltage_findings(run: Run, signals: Signals) -> Iterator[Finding]:
         return
     missed, _ = _missed(speed, [signals.current, np.gradient(signals.current, signals.time)])
     if missed >= _UNEXPLAINED:
+        statistic = "fraction of the speed variance that a constant voltage leaves unexplained"
         remedy = "log the voltage at the motor terminals"
         # The magnitude of a voltage that switches between two signs is constant.
         is_level = abs(level) > _LEVEL * scatter
@@ -306,19 +296,16 @@ def unlogged_voltage_findings(run: Run, signals: Signals) -> Iterator[Finding]:
             remedy += (
                 ", or map a magnitude times a column of the direction, voltage_V=HEADER * DIRECTION"
             )
-        yield Finding(
+        yield suspicion(
             "unlogged_voltage",
-            "suspect",
-            run.name,
+            run,
             "voltage_V",
             f"is constant ({level:.4g} V, standard deviation {scatter:.2g} V) while the "
             "speed changes, and the current does not fit a constant voltage; check that the "
             "voltage at the motor terminals was logged",
-            "fraction of the speed variance that a constant voltage leaves unexplained",
-            missed,
-            _UNEXPLAINED,
-            signed(run, "voltage_V") if is_level else (),
-            remedy,
+            (statistic, missed, _UNEXPLAINED),
+            *(signed(run, "voltage_V") if is_level else ()),
+            remedy=remedy,
         )
 
 

@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 
 from identification.checks.consistency import Estimate
-from identification.checks.finding import Finding
+from identification.checks.finding import Finding, refusal
 from identification.ingest.run import Run
 
 __all__ = ["driven_findings"]
@@ -69,16 +69,13 @@ def _share_of_momentum(run: Run, constant: float, inertia: float) -> float:
 def _driven(run: Run, given: float) -> Finding:
     squares = float(run.speed @ run.speed)
     constant = abs(float(run.voltage @ run.speed)) / squares
-    return Finding(
+    return refusal(
         "driven_shaft",
-        "refuse",
-        run.name,
+        run,
         "current_A",
         "the speed rises without current, and the voltage is that of a generator: another machine "
         "drives the shaft, or the current sensor is not connected; omit the run, and if the "
         f"terminals were open, give what it shows: --known Kt25={constant:.4g}",
-        "momentum given by the current over the gained momentum",
-        given,
-        _SHARE,
+        ("momentum given by the current over the gained momentum", given, _SHARE),
         option="known",
     )

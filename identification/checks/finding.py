@@ -21,6 +21,7 @@ from identification.warning import Option, ResultWarning, WarningSeverity
 
 __all__ = [
     "Finding",
+    "Measured",
     "Omission",
     "Severity",
     "exchange",
@@ -28,9 +29,14 @@ __all__ = [
     "left_out",
     "omission",
     "other_unit",
+    "refusal",
     "signed",
+    "suspicion",
     "suspicious_unit",
 ]
+
+Measured = tuple[str, float, float]
+"""Deciding statistic of a finding: its name, its value and its limit."""
 
 Severity = Literal["refuse", "suspect"]
 """``refuse``: contradicts physics or the other runs.  ``suspect``: possible but unusual."""
@@ -85,6 +91,45 @@ class Finding:
         entry = dataclasses.asdict(self)
         del entry["remedy"], entry["option"]
         return entry | {"file": self.file or None, "corrections": list(self.corrections)}
+
+
+def refusal(
+    code: str,
+    run: Run,
+    column: str | None,
+    message: str,
+    measured: Measured,
+    *corrections: str,
+    remedy: str = "",
+    option: Option | None = None,
+) -> Finding:
+    """Contradiction in one run, which blocks a fit."""
+    return Finding(
+        code, "refuse", run.name, column, message, *measured, corrections, remedy, option
+    )
+
+
+def suspicion(
+    code: str,
+    run: Run | None,
+    column: str | None,
+    message: str,
+    measured: Measured,
+    *corrections: str,
+    remedy: str = "",
+    option: Option | None = None,
+) -> Finding:
+    """Suspicion about one run, or about all runs."""
+    file = "" if run is None else run.name
+    return Finding(code, "suspect", file, column, message, *measured, corrections, remedy, option)
+
+
+def suspicious_unit(
+    run: Run, column: str, message: str, measured: Measured, *, word: str
+) -> Finding:
+    """Suspicion of a wrong unit in all runs, corrected in all of them as `word` corrects one."""
+    word = word.removeprefix(f"{run.name}:")
+    return suspicion("suspicious_unit", None, column, message, measured, word)
 
 
 def factor(run: Run, channel: str, number: float) -> str:
@@ -142,16 +187,6 @@ def left_out(run: Run, channel: str) -> str:
     return f"{run.name}:{channel}="
 
 
-def suspicious_unit(
-    run: Run, column: str, message: str, statistic: str, value: float, limit: float, *, word: str
-) -> Finding:
-    """Suspicion of a wrong unit in all runs, corrected in all of them as `word` corrects one."""
-    corrections = (word.removeprefix(f"{run.name}:"),)
-    return Finding(
-        "suspicious_unit", "suspect", "", column, message, statistic, value, limit, corrections
-    )
-
-
 @dataclass(frozen=True)
 class Omission:
     """Samples that a fit omits, and the suspicion that says why."""
@@ -167,15 +202,13 @@ def omission(
     code: str,
     column: str,
     message: str,
-    measured: tuple[str, float, float],
+    measured: Measured,
     *,
     remedy: str,
 ) -> Omission:
-    """Omission of samples (n_sample,); `measured` is the statistic, its value and its limit."""
+    """Omission of samples (n_sample,) of a run."""
     message += f"; the fit omits these samples ({100.0 * float(samples.mean()):.2g} %)"
-    return Omission(
-        samples, Finding(code, "suspect", run.name, column, message, *measured, remedy=remedy)
-    )
+    return Omission(samples, suspicion(code, run, column, message, measured, remedy=remedy))
 
 
 def _logged(run: Run, channel: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.consistency import Estimate
-from identification.checks.finding import Finding, left_out, other_unit, suspicious_unit
+from identification.checks.finding import Finding, left_out, other_unit, refusal, suspicious_unit
 from identification.ingest.run import Run
 
 __all__ = ["heat_findings", "jump_findings"]
@@ -49,18 +49,15 @@ def jump_findings(run: Run) -> Iterator[Finding]:
         cause = "the thermometer has a loose contact"
         if jumps.size == 1:
             cause = f"recordings were joined there (then cut the file), or {cause}"
-        yield Finding(
+        yield refusal(
             "jumping_temperature",
-            "refuse",
-            run.name,
+            run,
             "temperature_degC",
             f"jumps by {step[worst]:.3g} K between two samples at {run.time[worst]:.6g} s "
             f"(number of jumps: {jumps.size}); probably {cause}; "
             "correct the values, or omit the channel",
-            "rate [K/s]",
-            float(rate[worst]),
-            _JUMP_K_S,
-            (left_out(run, "temperature_degC"),),
+            ("rate [K/s]", float(rate[worst]), _JUMP_K_S),
+            left_out(run, "temperature_degC"),
         )
 
 
@@ -101,17 +98,14 @@ def _against(e: Estimate, sound: Sequence[Estimate]) -> Finding | None:
         correction = left_out(e.run, "temperature_degC")
     else:
         return None
-    return Finding(
+    return refusal(
         code,
-        "refuse",
-        e.run.name,
+        e.run,
         "temperature_degC",
         f"the logged mean is {logged:.4g} degC, but the resistance of this run corresponds to "
         f"{effective:.3g} degC according to the other runs; {kind}",
-        "logarithm of Ra25 relative to the other runs",
-        off,
-        math.copysign(limit, off),
-        (correction,),
+        ("logarithm of Ra25 relative to the other runs", off, math.copysign(limit, off)),
+        correction,
     )
 
 
@@ -141,8 +135,6 @@ def _common(sound: Sequence[Estimate]) -> Iterator[Finding]:
             "may be in degrees Fahrenheit in all runs: the temperature coefficient of the "
             f"resistance is {coefficient:.4f} per logged degree (copper: 0.0039 1/K), and "
             f"{celsius:.4f} 1/K if the values are in degrees Fahrenheit",
-            "temperature coefficient of the resistance [1/K]",
-            float(coefficient),
-            _FAHRENHEIT[1],
+            ("temperature coefficient of the resistance [1/K]", float(coefficient), _FAHRENHEIT[1]),
             word=other_unit(run, "temperature_degC", "degF"),
         )

@@ -39,7 +39,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.balance import CHANNELS, Signals, is_constant
-from identification.checks.finding import Finding
+from identification.checks.finding import Finding, refusal
 from identification.ingest.run import Run
 from identification.linear import least_squares
 
@@ -86,16 +86,13 @@ def shifted_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     interval = float(np.median(np.diff(signals.time)))
     samples = abs(shift) * length
     sense, advice = ("lags", "earlier") if shift > 0 else ("leads", "later")
-    yield Finding(
+    yield refusal(
         "shifted_channel",
-        "refuse",
-        run.name,
+        run,
         name,
         f"{sense} the other channels by about {samples} samples ({samples * interval:.3g} s); "
         f"log all channels with one clock, or shift the column to {advice} times",
-        "unexplained fraction of the voltage variance",
-        before,
-        missed / _LEFT,
+        ("unexplained fraction of the voltage variance", before, missed / _LEFT),
     )
 
 
@@ -166,17 +163,14 @@ def _finding(run: Run, sign: str, column: str, missed: float, limit: float) -> F
         "record with several samples in the mechanical time constant and in the shortest time for "
         "which the voltage is constant, or change the voltage only when a sample is taken"
     )
-    return Finding(
+    return refusal(
         "voltage_between_samples",
-        "refuse",
-        run.name,
+        run,
         "voltage_V",
         f"it changes between the samples, {1e3 / rate:.3g} ms apart, and the motor settles within "
         f"that time: {sign}, so the log does not show which voltage acted, and no model can be "
         f"simulated from it; {remedy}",
-        f"unexplained fraction of the variance of {column}",
-        missed,
-        limit,
+        (f"unexplained fraction of the variance of {column}", missed, limit),
         remedy=remedy,
     )
 

@@ -31,7 +31,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.balance import Regression, Signals, predicted, signals_of
-from identification.checks.finding import Finding
+from identification.checks.finding import Finding, suspicion
 from identification.ingest.run import Run
 
 __all__ = ["Joint", "divided", "joined_finding", "joints_of"]
@@ -83,18 +83,15 @@ def joined_finding(run: Run, joints: Sequence[Joint]) -> Finding:
     worst = max(joints, key=lambda joint: joint.torque)
     k = worst.sample
     more = f" ({len(joints)} such places)" if len(joints) > 1 else ""
-    return Finding(
+    return suspicion(
         "joined_recordings",
-        "suspect",
-        run.name,
+        run,
         "speed_rad_s",
         f"jumps from {run.speed[k - 1]:.4g} to {run.speed[k]:.4g} rad/s at "
         f"{run.time[k]:.6g} s{more}, which no current of this run could do within a sample, and "
         "the voltage and the current confirm it: recordings were joined there, or the shaft was "
         f"struck; the fit divides the run there, into {len(joints) + len(run.segments)} records",
-        "unexplained torque relative to that of the largest current",
-        worst.torque,
-        _TORQUE,
+        ("unexplained torque relative to that of the largest current", worst.torque, _TORQUE),
         remedy="export each recording to a file of its own, or keep the pauses in the time",
     )
 

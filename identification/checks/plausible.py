@@ -52,7 +52,7 @@ from typing import Final
 import numpy as np
 
 from identification.checks.consistency import Estimate
-from identification.checks.finding import Finding, factor, other_unit, suspicious_unit
+from identification.checks.finding import Finding, factor, other_unit, suspicion, suspicious_unit
 from identification.ingest.run import Run
 
 __all__ = [
@@ -113,9 +113,7 @@ def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) ->
             "is too large for the identified inertia: a rotor for this torque has a larger one; "
             "if the values are in mA, Ra and L are 1,000 times larger, and J and b 1,000 times "
             "smaller",
-            "inertia relative to a typical rotor of this torque",
-            inertia / least,
-            _LIGHT,
+            ("inertia relative to a typical rotor of this torque", inertia / least, _LIGHT),
             word=factor(run, "current_A", 1e-3),
         )
     slowness = inertia * resistance / (constant**2 + resistance * friction)
@@ -125,9 +123,7 @@ def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) ->
             "time_s",
             f"may be in ms: the mechanical time constant is {slowness:.3g} s, as of a motor with a "
             "heavy flywheel",
-            "mechanical time constant [s]",
-            slowness,
-            _SLOW_S,
+            ("mechanical time constant [s]", slowness, _SLOW_S),
             word=factor(run, "time_s", 1e-3),
         )
 
@@ -143,16 +139,16 @@ def _high(signal: np.ndarray) -> float:
 
 
 def _fast(run: Run, speed: float, tip: float, constant: float) -> Finding:
-    is_tip = tip > _TIP_M_S
+    measured = "speed [rad/s]", speed, _FAST_RAD_S
+    if tip > _TIP_M_S:
+        measured = "estimated surface speed of the rotor [m/s]", tip, _TIP_M_S
     return suspicious_unit(
         run,
         "speed_rad_s",
         f"reaches {speed:.4g} rad/s ({speed * 30 / math.pi:.0f} rpm) at a Kt of {constant:.3g} "
         "V s/rad, too fast for a motor of this torque; if the values are in rpm, Kt is 9.55 times "
         "larger (compare Kt = Ke with the data sheet)",
-        "estimated surface speed of the rotor [m/s]" if is_tip else "speed [rad/s]",
-        tip if is_tip else speed,
-        _TIP_M_S if is_tip else _FAST_RAD_S,
+        measured,
         word=other_unit(run, "speed_rad_s", "rpm"),
     )
 
@@ -161,16 +157,13 @@ def _short(runs: Sequence[Run]) -> Iterator[Finding]:
     rows = float(np.median([run.rows for run in runs]))
     for run in runs:
         if run.rows < _SHORT * rows:
-            yield Finding(
+            yield suspicion(
                 "short_run",
-                "suspect",
-                run.name,
+                run,
                 None,
                 f"has {run.rows} samples, the median of all runs is {rows:.0f}; "
                 "check whether the file is complete",
-                "number of samples relative to the median",
-                run.rows / rows,
-                _SHORT,
+                ("number of samples relative to the median", run.rows / rows, _SHORT),
             )
 
 
@@ -186,11 +179,36 @@ def time_constant_findings(
     if not (resistance > 0.0 and constant > 0.0 and trusted["Ra25"] and trusted["Kt25"]):
         return []
     found, longest = [], longest_electrical(values)
-    if trusted["L"] and values["L"] / resistance > longest:
-        found.append(_electrical(values["L"] / resistance, longest))
-    mechanical = values["J"] * resistance / constant**2
-    if trusted["J"] and not _MECHANICAL_S[0] <= mechanical <= _MECHANICAL_S[1]:
-        found.append(_mechanical(mechanical))
+    electrical, mechanical = values["L"] / resistance, values["J"] * resistance / constant**2
+    if trusted["L"] and electrical > longest:
+        remedy = "measure L with an LCR meter and give --known L=VALUE"
+        message = (
+            f"L / Ra is {_text(electrical)}, expected at most {_text(longest)} for a motor of this "
+            "size; possible causes: a filter or delay of the current sensor, a choke in the leads, "
+            f"a wrong sample clock; {remedy}"
+        )
+        measured = "electrical time constant [s]", electrical, longest
+        code = "electrical_time_constant"
+        found.append(
+            suspicion(code, None, "current_A", message, measured, remedy=remedy, option="known")
+        )
+    shortest, longest = _MECHANICAL_S
+    if trusted["J"] and not shortest <= mechanical <= longest:
+        remedy = "compare J with the data sheet and give --known J=VALUE"
+        is_short = mechanical < shortest
+        why = (
+            f"expected at least {_text(shortest)} for a rotor without load; possible causes: a "
+            "wrong unit, a wrong sample clock, a current that is not in A"
+            if is_short
+            else f"expected at most {_text(longest)}; possible causes: the inertia of a gear, "
+            "flywheel or load, a wrong sample clock"
+        )
+        message = f"J Ra / Kt² is {_text(mechanical)}, {why}; {remedy}"
+        measured = "mechanical time constant [s]", mechanical, shortest if is_short else longest
+        code = "mechanical_time_constant"
+        found.append(
+            suspicion(code, None, "speed_rad_s", message, measured, remedy=remedy, option="known")
+        )
     return found
 
 
@@ -198,48 +216,6 @@ def longest_electrical(values: Mapping[str, float]) -> float:
     """Longest electrical time constant L / Ra of motors of that size [s]."""
     is_small = values["Kt25"] <= _SMALL * max(values["Ra25"], 0.0) ** 0.5
     return _ELECTRICAL_S[0 if is_small else 1]
-
-
-def _electrical(time: float, longest: float) -> Finding:
-    remedy = "measure L with an LCR meter and give --known L=VALUE"
-    return Finding(
-        "electrical_time_constant",
-        "suspect",
-        "",
-        "current_A",
-        f"L / Ra is {_text(time)}, expected at most {_text(longest)} for a motor of this size; "
-        "possible causes: a filter or delay of the current sensor, a choke in the "
-        f"leads, a wrong sample clock; {remedy}",
-        "electrical time constant [s]",
-        time,
-        longest,
-        remedy=remedy,
-        option="known",
-    )
-
-
-def _mechanical(time: float) -> Finding:
-    remedy = "compare J with the data sheet and give --known J=VALUE"
-    is_short = time < _MECHANICAL_S[0]
-    why = (
-        f"expected at least {_text(_MECHANICAL_S[0])} for a rotor without load; possible "
-        "causes: a wrong unit, a wrong sample clock, a current that is not in A"
-        if is_short
-        else f"expected at most {_text(_MECHANICAL_S[1])}; possible causes: the inertia of a "
-        "gear, flywheel or load, a wrong sample clock"
-    )
-    return Finding(
-        "mechanical_time_constant",
-        "suspect",
-        "",
-        "speed_rad_s",
-        f"J Ra / Kt² is {_text(time)}, {why}; {remedy}",
-        "mechanical time constant [s]",
-        time,
-        _MECHANICAL_S[0] if is_short else _MECHANICAL_S[1],
-        remedy=remedy,
-        option="known",
-    )
 
 
 def _text(time: float) -> str:
@@ -256,17 +232,14 @@ def heating_findings(rise: float) -> list[Finding]:
         "end of a run"
     )
     return [
-        Finding(
+        suspicion(
             "winding_heating",
-            "suspect",
-            "",
+            None,
             None,
             f"the winding would heat by {rise:.0f} K within a run, more than any insulation "
             "endures, so self_heating stands for another effect that depends on current or time; "
             f"{remedy}",
-            "temperature rise of the winding [K]",
-            rise,
-            _MOST_RISE,
+            ("temperature rise of the winding [K]", rise, _MOST_RISE),
             remedy=remedy,
         )
     ]
@@ -304,18 +277,15 @@ def resistance_findings(
         return []
     remedy = "measure Ra25 with an ohmmeter and give --known Ra25=VALUE"
     return [
-        Finding(
+        suspicion(
             "resistance_coefficient",
-            "suspect",
-            "",
+            None,
             None,
             f"alpha_Ra is {value:.3g} 1/K, expected {low:.2g} to {high:.2g} 1/K for a winding of "
             "copper, so Ra25, alpha_Ra and L are not taken as identified; possible causes: a delay "
             "or noise of the voltage sensor, a temperature that is not that of the winding, an "
             f"effect that the model lacks; {remedy}",
-            "temperature coefficient [1/K]",
-            value,
-            low if value < low else high,
+            ("temperature coefficient [1/K]", value, low if value < low else high),
             remedy=remedy,
             option="known",
         )

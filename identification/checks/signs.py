@@ -40,7 +40,7 @@ from identification.checks.balance import (
     reverses,
 )
 from identification.checks.coasting import without_pauses
-from identification.checks.finding import Finding, exchange, factor, signed
+from identification.checks.finding import Finding, exchange, factor, refusal, signed, suspicion
 from identification.ingest.run import Run
 
 __all__ = ["identity_findings", "magnitude_findings"]
@@ -157,23 +157,18 @@ def _finding(run: Run, best: _Hypothesis, before: _Judged, after: _Judged) -> Fi
         statistic, value, limit = "negative term relative to the voltage", before.turned, -_SHARE
     else:
         statistic, value, limit = "unexplained fraction", before.missed, after.missed / _BETTER
-    return Finding(
-        best.code, "refuse", run.name, channel, message, statistic, value, limit, corrections
-    )
+    return refusal(best.code, run, channel, message, (statistic, value, limit), *corrections)
 
 
 def _suspicion(run: Run, judged: _Judged) -> Finding:
-    return Finding(
+    return suspicion(
         "reversed_channel",
-        "suspect",
-        run.name,
+        run,
         "speed_rad_s",
         "may have the wrong sign: in the torque balance K i = J dw/dt + b w, inertia and friction "
         "are negative",
-        "unexplained fraction of the current variance",
-        judged.mechanical,
-        _HOLDS,
-        (factor(run, "speed_rad_s", -1.0),),
+        ("unexplained fraction of the current variance", judged.mechanical, _HOLDS),
+        factor(run, "speed_rad_s", -1.0),
     )
 
 
@@ -233,22 +228,20 @@ def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
         scale = float(np.var(restored.voltage) / np.var(signals.voltage))
         after = _missed(restored) * scale
         if after < _UNSIGNED_BETTER * before:
+            limit = max(after / _UNSIGNED_BETTER, _UNSIGNED_MISSED)
             others = [name for name in CHANNELS if name not in unsigned]
             reversing = f"it keeps one sign unlike {' and '.join(others)}" if others else ""
             return [
-                Finding(
+                refusal(
                     "unsigned_channel",
-                    "refuse",
-                    run.name,
+                    run,
                     name,
                     f"contains magnitudes: {reversing or 'no channel is ever negative'}, and the "
                     "voltage balance holds only with the sign restored; a motor cannot be "
                     "identified from magnitudes",
-                    "unexplained fraction of the voltage variance",
-                    before,
-                    max(after / _UNSIGNED_BETTER, _UNSIGNED_MISSED),
-                    signed(run, name),
-                    "log the signed value, or map it times a column of the direction, "
+                    ("unexplained fraction of the voltage variance", before, limit),
+                    *signed(run, name),
+                    remedy="log the signed value, or map it times a column of the direction, "
                     f"{name}=HEADER * DIRECTION",
                 )
                 for name in names

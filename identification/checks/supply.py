@@ -30,7 +30,7 @@ from identification.checks.balance import (
     reverses,
     windows_of,
 )
-from identification.checks.finding import Finding
+from identification.checks.finding import Finding, refusal
 from identification.ingest.run import Run
 
 __all__ = ["supply_current_findings"]
@@ -52,17 +52,15 @@ def supply_current_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     of_motor = _least(_electrical(signals, signals.voltage * signals.current), ())
     is_electrical = of_supply < _BETTER * of_motor
     if is_electrical and after < _BETTER * before:
-        yield Finding(
+        statistic = "unexplained fraction of the current variance by the torque balance"
+        yield refusal(
             "supply_current",
-            "refuse",
-            run.name,
+            run,
             "current_A",
             "is the current of the supply, i v / V, and not that of the motor: it obeys the power "
             "balances of a chopper and not the balances of a motor; log the current in the motor "
             "lead, a motor cannot be identified from the supply current",
-            "unexplained fraction of the current variance by the torque balance",
-            before,
-            max(after / _BETTER, _MISSED),
+            (statistic, before, max(after / _BETTER, _MISSED)),
         )
 
 

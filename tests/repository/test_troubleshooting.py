@@ -13,6 +13,8 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
 SECTIONS = re.split(r"^### (\w+)$", PAGE, flags=re.MULTILINE)[1:]
 WORD = re.compile(r"[a-z]+(_[a-z]+)*")
+REMARKS = "ResultWarning Finding refusal suspicion warning RunWarning _Hypothesis".split()
+"""Functions and classes whose first argument is a code."""
 
 
 def constants(tree: ast.Module) -> dict[str, str]:
@@ -31,8 +33,7 @@ def places(node: ast.AST) -> list[ast.expr]:
     """Expressions that give a code: first arguments of warnings and findings, and `code = ...`."""
     match node:
         case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=[first, *_]):
-            is_remark = name in ("ResultWarning", "Finding", "warning", "_Hypothesis")
-            return [first] if is_remark else []
+            return [first] if name in REMARKS else []
         case ast.keyword(arg="code", value=value):
             return [value]
         case ast.Assign(targets=[ast.Name(id="code")], value=value):
