@@ -87,11 +87,7 @@ class Channel:
 def assign_channels(
     columns: Sequence[Column], mapping: Mapping[str, ChannelMapping]
 ) -> dict[str, Channel]:
-    """Find the column of every channel.
-
-    Args:
-        columns: All columns of the table.
-        mapping: User-defined mapping by canonical name.
+    """Find the column of every channel, among all columns of the table.
 
     Returns:
         Channels by canonical name, without the optional ones that have no column, without the

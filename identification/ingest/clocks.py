@@ -22,10 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification.arrays import Array
 from identification.errors import BackwardTime, MissingValue, NoRows, RaggedRow
-from identification.ingest.cells import numbers
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column
-from identification.ingest.reader import Samples
+from identification.ingest.reader import Samples, numbers
 from identification.ingest.run import RunWarning
 from identification.ingest.timing import find_gaps
 
@@ -163,7 +162,7 @@ class SignalTable:
         )
         if omitted:
             text += f"; {omitted} sample(s) at which a channel has a gap or no value are omitted"
-        yield RunWarning(code="different_clocks", message=text, file=self.file)
+        yield RunWarning("different_clocks", text, self.file)
 
 
 def joined(

@@ -46,12 +46,7 @@ class Limits:
 
 
 class RunFile:
-    """Run file that is open for reading.
-
-    Args:
-        stream: Content, at its beginning.
-        name: Name of the file in messages.
-        limits: Size limits.
+    """Run file that is open for reading; `name` is that in messages.
 
     Attributes:
         head: First bytes of the file, at most 64 KiB, by which a reader recognises its format.

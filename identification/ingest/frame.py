@@ -15,22 +15,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from identification.errors import DuplicateColumn, NotANumber
-from identification.ingest.cells import converted
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column, describe_column, read_columns
-from identification.ingest.directions import direction_of
 from identification.ingest.display import quoted
-from identification.ingest.reader import Samples
+from identification.ingest.reader import Samples, converted
+from identification.ingest.supplied import direction_of
 
 __all__ = ["Frame"]
 
 
 class Frame:
-    """DataFrame as the source of a run.
-
-    Args:
-        data: One row for each sample.
-        name: Name of the run in messages.
+    """DataFrame with a row for each sample as the source of a run; `name` is that in messages.
 
     Attributes:
         columns: Columns from left to right, a named index first.

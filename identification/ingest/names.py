@@ -214,8 +214,7 @@ def _in_brackets(text: str) -> HeaderText | None:
 def _cut_at_brackets(text: str) -> tuple[str, str] | None:
     """Name and unit of ``speed [rpm]`` or ``n (1/(min))``; None for any other form.
 
-    Args:
-        text: Header text without two blanks in a row.
+    The text has no two blanks in a row.
     """
     if text[-1:] not in tuple(_CLOSING):
         return None

@@ -184,7 +184,8 @@ def _run(
     clipped, notes = find_clipped(measured, locator)
     held, pulses, more = find_held(measured, time, locator)
     notes += more
-    spare = _spare(table.columns, channels)
+    used = {column.index for channel in channels.values() for column in channel.columns}
+    spare = [column for column in table.columns if column.index not in used and column.texts]
     run = Run(
         name=file.name,
         sha256=file.sha256(),
@@ -242,22 +243,17 @@ def _filled(
     A motor's temperature changes over minutes, so linear interpolation is closer to it than a
     sample-and-hold.  Before the first and after the last value the nearest value is held.
     """
-    finite = np.isfinite(cells)
-    if np.all(finite):
-        return cells, []
-    blank = ~finite
-    known = np.flatnonzero(finite)
-    if not known.size:
-        return None, []
-    return np.interp(clock, clock[known], cells[known]), [
-        locator.warning(
-            "interpolated_temperature",
-            f"{int(blank.sum())} of {cells.size} cells are blank; the temperature is interpolated "
-            f"linearly between the {known.size} logged values",
-            channel.name,
-            int(np.argmax(blank)),
-        )
-    ]
+    known = np.isfinite(cells)
+    logged = np.count_nonzero(known)
+    if logged in (0, cells.size):
+        return cells if logged else None, []
+    message = (
+        f"{cells.size - logged} of {cells.size} cells are blank; the temperature is interpolated "
+        f"linearly between the {logged} logged values"
+    )
+    first = int(np.argmin(known))
+    note = locator.warning("interpolated_temperature", message, channel.name, first)
+    return np.interp(clock, clock[known], cells[known]), [note]
 
 
 def _in_si(cells: Array, channel: Channel, locator: SourceLocator) -> Array:
@@ -288,23 +284,11 @@ def _in_si(cells: Array, channel: Channel, locator: SourceLocator) -> Array:
 
 
 def _source(channel: Channel, method: str | None) -> Source:
-    supply = None if channel.is_logged else "row" if channel.value is None else "constant"
-    return Source(
-        channel.column.title,
-        channel.unit.name,
-        channel.scale,
-        channel.offset,
-        supply or method,
-        channel.period,
-        channel.sign.title if channel.sign else None,
-        channel.value,
-    )
-
-
-def _spare(columns: Sequence[Column], channels: dict[str, Channel]) -> list[Column]:
-    """Named columns that no channel uses."""
-    used = {column.index for channel in channels.values() for column in channel.columns}
-    return [column for column in columns if column.index not in used and column.texts]
+    if not channel.is_logged:
+        method = "row" if channel.value is None else "constant"
+    scaling = channel.scale, channel.offset, channel.period
+    sign = channel.sign.title if channel.sign else None
+    return Source(channel.column.title, channel.unit.name, *scaling, sign, channel.value, method)
 
 
 def _header_warnings(

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from html import escape
 from typing import TypeVar
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from identification.arrays import Array
+from identification.arrays import Array, Bool
 from identification.errors import Example, RunFileError
 from identification.ingest.pulses import Pulses
 
@@ -84,13 +83,9 @@ class SourceLocator:
         self, code: str, message: str, channel: str | None = None, sample: int | None = None
     ) -> RunWarning:
         """Make a warning located at a file, a column or one cell."""
-        return RunWarning(
-            code=code,
-            message=message,
-            file=self.file,
-            row=None if sample is None else self.row(sample),
-            column=None if channel is None else self.columns.get(channel, channel),
-        )
+        row = None if sample is None else self.row(sample)
+        column = None if channel is None else self.columns.get(channel, channel)
+        return RunWarning(code, message, self.file, row, column)
 
 
 @dataclass(frozen=True)
@@ -109,10 +104,10 @@ class Source:
     unit: str
     scale: float = 1.0
     offset: float = 0.0
-    method: str | None = None
     period: float | None = None
     sign: str | None = None
     value: float | None = None
+    method: str | None = None
 
     @property
     def origin(self) -> str | None:
@@ -126,19 +121,9 @@ class Source:
 
     def entry(self) -> dict[str, object]:
         """The source as plain data: the keys of a mapping, and the method if any."""
-        entry: dict[str, object] = {
-            "column": self.header,
-            "unit": self.unit,
-            "scale": self.scale,
-            "offset": self.offset,
-        }
-        further = {
-            "period": self.period,
-            "sign": self.sign,
-            "value": self.value,
-            "method": self.method,
-        }
-        return entry | {key: value for key, value in further.items() if value is not None}
+        entry = {"column": self.header, **asdict(self)}
+        del entry["header"]
+        return {key: value for key, value in entry.items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -163,9 +148,9 @@ class Run:
     segments: tuple[tuple[int, int], ...] = ()
     """Half-open sample ranges between gaps in the record; a run without gaps has one, ``((0,
     n_sample),)``.  The motor state is continuous within a segment only."""
-    clipped: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    clipped: dict[str, Bool] = field(default_factory=dict)
     """Channel name to boolean (n_sample,), True where the sensor saturated."""
-    held: dict[str, NDArray[np.bool_]] = field(default_factory=dict)
+    held: dict[str, Bool] = field(default_factory=dict)
     """Channel name to boolean (n_sample,), True where no value was measured: between updates."""
     pulses: Pulses | None = None
     """Speeds at the times at which a pulse tachometer measured them; None for any other sensor."""
@@ -201,7 +186,7 @@ class Run:
         }
         return {name: values for name, values in channels.items() if values is not None}
 
-    def omitted(self, name: str) -> NDArray[np.bool_]:
+    def omitted(self, name: str) -> Bool:
         """(n_sample,), True where a channel is no measurement: saturated, or between updates."""
         nowhere = np.zeros(self.rows, dtype=bool)
         return self.clipped.get(name, nowhere) | self.held.get(name, nowhere)
@@ -242,9 +227,7 @@ class Run:
 def write_run(run: Run, path: str | os.PathLike[str]) -> None:
     """Write a run in canonical columns and SI units; the values read back bit for bit.
 
-    Args:
-        run: Run to write; segments, omitted samples and warnings are recomputed on reading.
-        path: File to write.
+    Segments, omitted samples and warnings are recomputed on reading.
     """
     # The shortest decimal that reads back as the same float, whatever the ending of the path.
     run.table().to_csv(path, index=False, lineterminator="\n", compression=None)

@@ -20,13 +20,12 @@ import numpy as np
 
 from identification.arrays import Array, Bool
 from identification.errors import NoRows
-from identification.ingest.cells import ColumnTable
 from identification.ingest.channels import Channel, header_unit
 from identification.ingest.clocks import brought_together
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.frame import Frame
 from identification.ingest.names import is_sample_number
-from identification.ingest.reader import Samples, SourceTable, TableSet, blank_cell
+from identification.ingest.reader import ColumnTable, Samples, SourceTable, TableSet, blank_cell
 from identification.ingest.text.long import long_table, roles_of
 from identification.ingest.units import Unit, find_unit
 

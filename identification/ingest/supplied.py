@@ -5,7 +5,7 @@
     {"voltage_V": {"column": "pwm", "scale": 0.24, "sign": "dir"}}
 
 The sign multiplies the cell, before scale and offset.  It comes from a column of directions: 1, 0
-and -1, or words of `directions`.  In a column of 0 and 1, as of a direction pin, 0 is reverse; in
+and -1, or words of `DIRECTIONS`.  In a column of 0 and 1, as of a direction pin, 0 is reverse; in
 one with 2, 1 is forward, 2 reverse and 0 a stop.  Which direction is positive cannot be known; the
 check of the signs reports a wrong one.
 
@@ -16,21 +16,41 @@ duty beside it is; a current or a speed at a stop is not zero, and its sign is n
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array, Bool
-from identification.errors import AbsurdValue
+from identification.errors import AbsurdValue, NotANumber
 from identification.ingest.channels import Channel
 from identification.ingest.columns import Column
-from identification.ingest.directions import STOP
+from identification.ingest.display import quoted
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning, SourceLocator
 from identification.ingest.units import canonical_unit
 
-__all__ = ["requested", "supplied"]
+__all__ = ["DIRECTIONS", "STOP", "direction_of", "requested", "supplied"]
+
+_FORWARD = "cw clockwise fwd forward forwards + pos positive right true vorwärts rechts"
+_BACKWARD = (
+    "ccw counterclockwise counter-clockwise anticlockwise rev reverse backward backwards - neg "
+    "negative left false rückwärts links"
+)
+_STOPPED = (
+    "stop stopped halt brake braked braking coast coasting off idle neutral aus stillstand bremse "
+    "bremsen freilauf"
+)
+STOP = math.ulp(0.0)
+"""Stop in words: the smallest number in place of 0, since the 0 of a direction pin is reverse."""
+
+DIRECTIONS = (
+    dict.fromkeys(_FORWARD.split(), 1.0)
+    | dict.fromkeys(_BACKWARD.split(), -1.0)
+    | dict.fromkeys(_STOPPED.split(), STOP)
+)
+"""Factor of each accepted word, in lower case; docs/run-files.md prints them."""
 
 _REVERSE: Final = 2.0
 """Reverse in a column of the codes 0, 1 and 2."""
@@ -141,3 +161,24 @@ def _refuse(wrong: Bool, values: Array, reason: str, name: str, locator: SourceL
         sample = int(np.argmax(wrong))
         value = float(values[sample])
         raise locator.error(AbsurdValue, f"{value:.6g} {reason}", name, sample, value)
+
+
+def direction_of(cell: str, column: str, row: int) -> float:
+    """Factor of a word, or the number in the cell of a direction.
+
+    Raises:
+        NotANumber: The cell is neither.
+    """
+    word = DIRECTIONS.get(cell.strip().casefold())
+    if word is not None:
+        return word
+    try:
+        return float(cell.replace(",", "."))
+    except ValueError:
+        raise NotANumber(
+            f"{quoted(cell)} is no direction; expected 1, 0 or -1, or a word such as CW, CCW, fwd, "
+            "rev or stop",
+            row=row,
+            column=column,
+            value=cell,
+        ) from None

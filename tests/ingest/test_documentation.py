@@ -54,7 +54,7 @@ def test_page_lists_every_error_with_its_code() -> None:
 
 def test_page_lists_every_warning() -> None:
     """The expected codes are those in the source files."""
-    given = re.compile(r'\.warning\(\s*"(\w+)"|code="(\w+)"')
+    given = re.compile(r'\.warning\(\s*"(\w+)"|RunWarning\("(\w+)"')
     sources = (ROOT / "identification" / "ingest").rglob("*.py")
     codes = {a or b for path in sources for a, b in given.findall(path.read_text("utf-8"))}
 

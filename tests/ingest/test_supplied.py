@@ -14,7 +14,7 @@ from app.commands.arguments import mapping_of
 from identification.checks import check_runs
 from identification.errors import AbsurdValue, MappingError, MissingColumn, NotANumber, OptionError
 from identification.ingest import read_run
-from identification.ingest.directions import DIRECTIONS, STOP
+from identification.ingest.supplied import DIRECTIONS, STOP
 from identification.preview import check
 from tests.ingest.samples import motor, record
 

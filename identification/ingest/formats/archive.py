@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import BinaryIO, Final, cast
 
 from identification.errors import FileTooLarge, RunFileError
@@ -22,15 +23,12 @@ _WHAT: Final = "a zip archive"
 _MOST_MEMBERS = 20
 
 
+@dataclass(frozen=True)
 class ArchiveReader:
-    """Reader of the tables in an archive, none of which is an archive itself.
+    """Reader of the tables in an archive, none of which is an archive itself."""
 
-    Args:
-        readers: Readers of its files, in the order in which they are asked.
-    """
-
-    def __init__(self, readers: Sequence[Reader]) -> None:
-        self._readers = readers
+    readers: Sequence[Reader]
+    """Readers of its files, in the order in which they are asked."""
 
     def recognises(self, name: str, head: bytes) -> bool:
         """Return True for a zip archive; a workbook, which is one, has a reader before this one."""
@@ -67,7 +65,7 @@ class ArchiveReader:
             try:
                 with decoding(_WHAT, (zipfile.BadZipFile,)):
                     content = RunFile(cast("BinaryIO", archive.open(member)), name, file.limits)
-                reader = next(r for r in self._readers if r.recognises(name, content.head))
+                reader = next(r for r in self.readers if r.recognises(name, content.head))
                 opened[name] = reader.open(content)
             except RunFileError as error:
                 errors.append(error)

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.arrays import Array
-from identification.ingest.cells import refuse_large
 from identification.ingest.clocks import Signal, SignalTable, joined
 from identification.ingest.file import RunFile
 from identification.ingest.formats.library import decoding, imported
-from identification.ingest.reader import SourceTable, TableSet
+from identification.ingest.reader import SourceTable, TableSet, refuse_large
 
 if TYPE_CHECKING:
     from asammdf import MDF

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.errors import UnsupportedContent
-from identification.ingest.cells import ColumnTable, refuse_large
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.file import RunFile
 from identification.ingest.formats.library import decoding, imported
+from identification.ingest.reader import ColumnTable, refuse_large
 
 if TYPE_CHECKING:
     import pyarrow

@@ -17,13 +17,12 @@ from numpy.typing import ArrayLike
 
 from identification.arrays import Array
 from identification.errors import UnsupportedContent
-from identification.ingest.cells import ColumnTable, numbers, refuse_large
 from identification.ingest.clocks import Signal, SignalTable, joined
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import plain, quoted
 from identification.ingest.file import RunFile
 from identification.ingest.formats.library import decoding, imported
-from identification.ingest.reader import SourceTable, TableSet
+from identification.ingest.reader import ColumnTable, SourceTable, TableSet, numbers, refuse_large
 from identification.ingest.run import RunWarning
 
 if TYPE_CHECKING:
@@ -93,7 +92,7 @@ def _warnings(file: RunFile, is_incomplete: bool) -> tuple[RunWarning, ...]:
     if not is_incomplete:
         return ()
     text = "the end is missing, probably by a loss of power; the samples before it are read"
-    return (RunWarning(code="incomplete_file", message=text, file=file.name),)
+    return (RunWarning("incomplete_file", text, file.name),)
 
 
 def _refuse_scaling(channel: str, properties: Mapping[str, object]) -> None:

@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identification.errors import FileTooLarge
-from identification.ingest.cells import ColumnTable, numbers, refuse_large
 from identification.ingest.clocks import Signal, SignalTable, joined
 from identification.ingest.columns import describe_column
 from identification.ingest.file import RunFile
-from identification.ingest.reader import SourceTable, TableSet
+from identification.ingest.reader import ColumnTable, SourceTable, TableSet, numbers, refuse_large
 from identification.ingest.text.long import roles_of
 
 __all__ = ["Leaf", "Node", "Opaque", "number_of", "tables_of"]

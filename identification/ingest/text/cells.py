@@ -125,10 +125,7 @@ def is_whole_second(cell: str) -> bool:
 def clock_of(cell: str, seconds: float, first: str = "") -> ClockTimes | LongTimes | None:
     """Reader of times of day or since 1970 by their first cell; None for other cells.
 
-    Args:
-        cell: First time.
-        seconds: Unit of a time that is a number [s].
-        first: First time of another column, from which the times are counted.
+    A time that is a number has the unit `seconds` [s]; `first` is as in `ClockTimes`.
     """
     number = number_text(cell.replace(",", "."), ".")
     if number is not None and float(number) * seconds >= _SINCE_1970_S:
@@ -139,9 +136,7 @@ def clock_of(cell: str, seconds: float, first: str = "") -> ClockTimes | LongTim
 def finer_unit(cell: str, seconds: float) -> str:
     """Unit of a time since 1970 that would be later than the year 5000 in its unit, else blank.
 
-    Args:
-        cell: First time, such as 1772352000001000000 of ROS.
-        seconds: Its unit [s].
+    The unit of the first time, such as 1772352000001000000 of ROS, is `seconds` [s].
     """
     number = number_text(cell.replace(",", "."), ".")
     if number is None or float(number) * seconds < _LATEST_S:
@@ -154,10 +149,8 @@ def finer_unit(cell: str, seconds: float) -> str:
 class LongTimes:
     """Reader of times since 1970, which have more digits than a floating point number.
 
-    1772352000.001000000 becomes 52000.001: the five leading digits are left out.
-
-    Args:
-        first: First time of the file, a number.
+    1772352000.001000000 becomes 52000.001: the five leading digits of the first time of the file
+    are left out.
     """
 
     def __init__(self, first: str) -> None:
@@ -177,10 +170,7 @@ class ClockTimes:
         00:00.125           3/1/2026 8:00:00.125 AM         01-Mar-2026 08:00:00.125
 
     Times are counted in whole nanoseconds, which a floating point number of seconds since 1970
-    loses.
-
-    Args:
-        first: First time of another column, from which the times are counted.
+    loses, from `first`, the first time of another column, or else from that of this one.
     """
 
     def __init__(self, first: str = "") -> None:

@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification.arrays import Array
 from identification.errors import NoRows, NotANumber, RaggedRow
-from identification.ingest.cells import numbers
 from identification.ingest.clocks import Signal, SignalTable
 from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import plain, quoted
 from identification.ingest.names import is_channel_name
+from identification.ingest.reader import numbers
 from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import (
@@ -34,7 +34,7 @@ from identification.ingest.text.cells import (
     split_cells,
 )
 
-__all__ = ["Roles", "is_long", "long_table", "read_long", "roles_of"]
+__all__ = ["Roles", "cut_line", "is_long", "long_table", "read_long", "roles_of"]
 
 _NAMES = "signal,signal name,signalname,name,varname,variable,channel,tag,field".split(",")
 _VALUES = ("value", "varvalue", "wert")
@@ -99,8 +99,7 @@ def read_long(every: Iterable[Block], file: str) -> SignalTable:
     warnings: tuple[RunWarning, ...] = ()
     if rows and not blocks[-1].terminated and len(rows[max(rows)]) < count:
         rows.pop(cut := max(rows))
-        text = "the last line is truncated, probably by a loss of power; it is omitted"
-        warnings = (RunWarning("truncated_last_row", text, file, cut),)
+        warnings = (cut_line(file, cut),)
     for number, cells in rows.items():
         if len(cells) < count or any(cells[count:]):
             raise RaggedRow(
@@ -113,6 +112,12 @@ def read_long(every: Iterable[Block], file: str) -> SignalTable:
     table = table.reshape(-1, count)
     columns = [describe_column(k, [title]) for k, title in enumerate(titles)]
     return long_table(columns, roles, lambda c: table[:, c.index], file, list(rows), warnings)
+
+
+def cut_line(file: str, row: int) -> RunWarning:
+    """Warning of a truncated last line, which is omitted."""
+    text = "the last line is truncated, probably by a loss of power; it is omitted"
+    return RunWarning("truncated_last_row", text, file, row)
 
 
 def long_table(

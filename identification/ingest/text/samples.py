@@ -26,10 +26,10 @@ from identification.errors import (
     WrongUnit,
 )
 from identification.ingest.channels import Channel
-from identification.ingest.directions import direction_of
 from identification.ingest.display import plain, quoted
 from identification.ingest.faults import Faults
 from identification.ingest.reader import blank_cell, not_finite
+from identification.ingest.supplied import direction_of
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import (
     ClockTimes,

@@ -14,9 +14,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from identification.errors import UnsupportedContent
-from identification.ingest.cells import ColumnTable
 from identification.ingest.columns import describe_column
 from identification.ingest.display import plain, quoted
+from identification.ingest.reader import ColumnTable
 from identification.ingest.text.blocks import Block
 from identification.ingest.text.cells import number_text
 from identification.ingest.text.interval import interval_warning, stated_interval

@@ -15,12 +15,11 @@ from identification.ingest.columns import Column, describe_column, read_columns
 from identification.ingest.file import Limits, RunFile
 from identification.ingest.reader import Samples, SourceTable, refuse_not_finite
 from identification.ingest.run import RunWarning
-from identification.ingest.text.blocks import Block, Splitter
+from identification.ingest.text.blocks import Block, Splitter, plain_lines
 from identification.ingest.text.cells import is_time_of_day
 from identification.ingest.text.dialect import Layout, detect_layout
 from identification.ingest.text.interval import interval_warning
-from identification.ingest.text.lines import plain_lines
-from identification.ingest.text.long import is_long, read_long
+from identification.ingest.text.long import cut_line, is_long, read_long
 from identification.ingest.text.samples import SampleReader
 from identification.ingest.text.stacked import is_stacked, stacked_table
 
@@ -118,29 +117,23 @@ class TextTable:
                 "no sample below the header; expected one line for each sample",
                 row=self._layout.header_line,
             )
-        cut = RunWarning(
-            code="truncated_last_row",
-            message="the last line is truncated, probably by a loss of power; it is omitted",
-            file=self._file,
-            row=reader.cut_line,
-        )
-        warnings = [] if cut.row is None else [cut]
+        warnings = []
+        if reader.cut_line is not None:
+            warnings.append(cut_line(self._file, reader.cut_line))
         rows, stated = reader.lines.total, self._layout.preamble.samples
         if rows < stated:
             text = (
                 f"{rows} samples, and the header states {stated}: the end is missing, probably by "
                 "a loss of power or an interrupted copy; the samples that are there are read"
             )
-            warnings.append(RunWarning(code="incomplete_file", message=text, file=self._file))
+            warnings.append(RunWarning("incomplete_file", text, self._file))
         for column in (c.column for c in channels if c.column.attenuation != 1.0):
             text = (
                 f"the file states a probe attenuation of {column.attenuation:g}, by which the "
                 "device has multiplied the cells; the scale of a mapping must not include it"
             )
-            label = column.label
-            warnings.append(
-                RunWarning(code="probe_attenuation", message=text, file=self._file, column=label)
-            )
+            warning = RunWarning("probe_attenuation", text, self._file, column=column.label)
+            warnings.append(warning)
         clock = self._layout.preamble.implied
         for channel in channels:
             if channel.name not in found and clock is not None:
