@@ -108,9 +108,7 @@ def signals_of(run: Run, samples: int = SAMPLES) -> Signals:
 
     Intervals at saturated samples are excluded.
     """
-    joined = np.zeros(run.time.size - 1, dtype=bool)
-    for start, stop in run.segments:
-        joined[start : stop - 1] = True
+    joined = run.joined
     for name in ("current_A", "speed_rad_s"):
         if name in run.clipped:
             joined &= ~(run.clipped[name][1:] | run.clipped[name][:-1])
@@ -154,10 +152,6 @@ class Regression:
     """(n_regressor,) RMS of each term over that of the target, with the coefficient's sign [-]."""
     missed: float
     """Unexplained fraction of the target's variance [-]."""
-
-    def is_negative(self, k: int, errors: float, share: float) -> bool:
-        """Whether a coefficient is below -`errors` standard errors and its term below -`share`."""
-        return bool(self.values[k] < -errors * self.errors[k] and self.shares[k] < -share)
 
 
 def mean_square(signal: Array) -> float:

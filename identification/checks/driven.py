@@ -45,8 +45,19 @@ def driven_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) -> Itera
         given = _share_of_momentum(run, constant, inertia)
         generated = run.voltage - constant * run.speed
         missed = float(np.linalg.norm(generated)) / max(float(np.linalg.norm(run.voltage)), 1e-300)
-        if given < _SHARE and missed < _GENERATED:
-            yield _driven(run, given)
+        if not (given < _SHARE and missed < _GENERATED):
+            continue
+        constant = abs(float(run.voltage @ run.speed)) / float(run.speed @ run.speed)
+        yield refusal(
+            "driven_shaft",
+            run,
+            "current_A",
+            "the speed rises without current, and the voltage is that of a generator: another "
+            "machine drives the shaft, or the current sensor is not connected; omit the run, and "
+            f"if the terminals were open, give what it shows: --known Kt25={constant:.4g}",
+            ("momentum given by the current over the gained momentum", given, _SHARE),
+            option="known",
+        )
 
 
 def _share_of_momentum(run: Run, constant: float, inertia: float) -> float:
@@ -64,18 +75,3 @@ def _share_of_momentum(run: Run, constant: float, inertia: float) -> float:
     steps = 0.5 * (run.current[during][1:] + run.current[during][:-1]) * np.diff(run.time[during])
     charge = np.concatenate([[0.0], np.cumsum(steps)])
     return constant * float(np.ptp(charge)) / (inertia * rise)
-
-
-def _driven(run: Run, given: float) -> Finding:
-    squares = float(run.speed @ run.speed)
-    constant = abs(float(run.voltage @ run.speed)) / squares
-    return refusal(
-        "driven_shaft",
-        run,
-        "current_A",
-        "the speed rises without current, and the voltage is that of a generator: another machine "
-        "drives the shaft, or the current sensor is not connected; omit the run, and if the "
-        f"terminals were open, give what it shows: --known Kt25={constant:.4g}",
-        ("momentum given by the current over the gained momentum", given, _SHARE),
-        option="known",
-    )

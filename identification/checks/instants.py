@@ -38,7 +38,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.balance import CHANNELS, Signals, is_constant
+from identification.checks.balance import CHANNELS, Signals, is_constant, mean_square
 from identification.checks.finding import Finding, refusal
 from identification.ingest.run import Run
 from identification.linear import least_squares
@@ -111,16 +111,11 @@ def _balance_missed(means: dict[str, Array], name: str, shift: int) -> float:
     early = slice(max(-shift, 0), count + min(-shift, 0))
     channels = {other: x[late] if other in moved else x[early] for other, x in means.items()}
     voltage, current, speed = (channels[n] for n in CHANNELS)
-    matrix = np.column_stack([current, speed, channels[_RATE], np.ones(current.size)])
     size = float(np.var(voltage))
     if size == 0.0:
         return 1.0
-    scale = np.sqrt(np.mean(matrix**2, axis=0))
-    matrix = matrix / np.where(scale > 0.0, scale, 1.0)
-    values, *_ = np.linalg.lstsq(matrix, voltage, rcond=1e-10)
-    if values[0] <= 0.0 or values[1] <= 0.0:
-        return 1.0
-    return float(np.mean((voltage - matrix @ values) ** 2)) / size
+    values, missed = _regressed(voltage, [current, speed, channels[_RATE], np.ones(current.size)])
+    return missed / size if values[0] > 0.0 and values[1] > 0.0 else 1.0
 
 
 def aliased_findings(run: Run, signals: Signals) -> Iterator[Finding]:
@@ -144,8 +139,8 @@ def aliased_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     ):
         variance = float(np.var(target))
         _, held = _regressed(target, others)
-        gain, left = _regressed(target, [after, *others])
-        if held > _POOR * variance and left < _HALF * held and gain > 0.0:
+        values, left = _regressed(target, [after, *others])
+        if held > _POOR * variance and left < _HALF * held and values[0] > 0.0:
             sign = f"{name} follows the voltage of the same sample"
             yield _finding(run, sign, name, held / variance, _POOR)
             return
@@ -175,11 +170,10 @@ def _finding(run: Run, sign: str, column: str, missed: float, limit: float) -> F
     )
 
 
-def _regressed(target: Array, columns: list[Array]) -> tuple[float, float]:
-    """First coefficient and mean square residual of a regression."""
+def _regressed(target: Array, columns: list[Array]) -> tuple[Array, float]:
+    """Coefficients of a regression on columns (n,) of one size, and its mean square residual."""
     matrix = np.column_stack(columns)
     scale = np.sqrt(np.mean(matrix**2, axis=0))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    values = least_squares(matrix / scale, target, 1e-10)
-    residual = target - matrix / scale @ values
-    return float(values[0] / scale[0]), float(np.mean(residual**2))
+    matrix /= np.where(scale > 0.0, scale, 1.0)
+    values = least_squares(matrix, target, 1e-10)
+    return values, mean_square(target - matrix @ values)

@@ -58,7 +58,8 @@ def current_limit_of(run: Run) -> Omission | None:
         sign * current >= level - _NEAR * noise
         for sign, level in zip((1.0, -1.0), levels, strict=True)
     ]
-    used = signals.joined & ~(_around(at[0] | at[1]))
+    limits = at[0] | at[1]
+    used = signals.joined & ~(limits[1:] | limits[:-1])
     if np.count_nonzero(used) < _REGRESSED:
         return None
     missing, deviation = _missing(signals, used)
@@ -116,11 +117,6 @@ def _level(signal: Array, noise: float) -> float:
         return np.inf
     top = float(np.quantile(middle[high], 0.9, method="higher"))
     return float(np.median(middle[high & (np.abs(middle - top) <= _NEAR * noise)]))
-
-
-def _around(near: Bool) -> Bool:
-    """(n_sample - 1,) True for the intervals that begin or end at marked samples."""
-    return np.asarray(near[1:] | near[:-1])
 
 
 def _missing(signals: Signals, used: Bool) -> tuple[Array, Array]:

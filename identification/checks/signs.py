@@ -203,8 +203,9 @@ def _is_turned(electrical: Regression, heated: Regression | None, k: int) -> boo
     return _is_below(electrical, k) and bool(too)
 
 
-def _is_below(balance: Regression, k: int) -> bool:
-    return balance.is_negative(k, _ERRORS, _SHARE)
+def _is_below(fit: Regression, k: int) -> bool:
+    """True if a coefficient is significantly negative, and so is its term."""
+    return bool(fit.values[k] < -_ERRORS * fit.errors[k] and fit.shares[k] < -_SHARE)
 
 
 def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:

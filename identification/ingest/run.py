@@ -186,6 +186,14 @@ class Run:
         }
         return {name: values for name, values in channels.items() if values is not None}
 
+    @property
+    def joined(self) -> Bool:
+        """(n_sample - 1,), True for an interval within a segment, False across a gap."""
+        joined = np.zeros(self.rows - 1, dtype=bool)
+        for start, stop in self.segments:
+            joined[start : stop - 1] = True
+        return joined
+
     def omitted(self, name: str) -> Bool:
         """(n_sample,), True where a channel is no measurement: saturated, or between updates."""
         nowhere = np.zeros(self.rows, dtype=bool)

@@ -59,7 +59,7 @@ def excitation_of(runs: Sequence[Run], fastest: float | None = None) -> Excitati
     if fastest is None:
         fastest = max(float(np.abs(run.speed).max()) for run in runs)
     speed = np.concatenate([run.speed[:-1] for run in runs])
-    weights = np.concatenate([_intervals(run) for run in runs])
+    weights = np.concatenate([np.where(run.joined, np.diff(run.time), 0.0) for run in runs])
     total, limit = float(weights.sum()), _STANDSTILL * fastest
     forward, reverse, standstill = (
         float(weights[chosen].sum()) / total if total > 0.0 else 0.0
@@ -76,14 +76,6 @@ def excitation_of(runs: Sequence[Run], fastest: float | None = None) -> Excitati
         temperature_degC=_range(logged) if logged else None,
         duration_s=total,
     )
-
-
-def _intervals(run: Run) -> Array:
-    """Sampling intervals (n_sample - 1,), zero across a gap [s]."""
-    inside = np.zeros(run.rows - 1, dtype=bool)
-    for first, last in run.segments:
-        inside[first : last - 1] = True
-    return np.where(inside, np.diff(run.time), 0.0)
 
 
 def _range(signals: Sequence[Array]) -> tuple[float, float]:

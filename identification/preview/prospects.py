@@ -120,8 +120,12 @@ def prospects_of(
         values["J"] = max(values["J"], _inertia_of_a_fast_motor(values))
     poor = _poor_fit_note(fit)
     # A model that explains little has no time constants.
-    faster = {} if poor else _sampling_advice(values, interval)
-    unseen = frozenset() if poor else _passed_unseen(values, interval)
+    passed = {} if poor else _unresolved(values, interval)
+    faster = _sampling_advice(passed, interval)
+    # An electrical transient alone leaves its trace in the speed, from which a fit determines L.
+    # Where the mechanical one passes within an interval, too, J and L follow from the instants of
+    # the voltage steps alone: a step between two samples changes them by orders of magnitude.
+    unseen = set(passed) if "J" in passed else set()
     cold = {*_SLOPES.values()} - {*faster}
     found = []
     for parameter in DECLARED:
@@ -196,13 +200,12 @@ def _more(name: str, lacking: float) -> str:
     return f"record {_ADVICE[name]}"
 
 
-def _sampling_advice(values: Mapping[str, float], interval: float) -> dict[str, str]:
+def _sampling_advice(passed: Mapping[str, float], interval: float) -> dict[str, str]:
     """Sampling rate to record at, for each parameter whose transient is not resolved.
 
     That is L where the electrical transient is shorter than the interval [s], and all parameters
     without a temperature where the mechanical one is, too.
     """
-    passed = _unresolved(values, interval)
     rates = {name: _WANTED[name] / time for name, time in passed.items()}
     advice = {
         name: f"sample at {_rounded_up(rate)} Hz or faster (now {1.0 / interval:.4g} Hz)"
@@ -213,17 +216,6 @@ def _sampling_advice(values: Mapping[str, float], interval: float) -> dict[str, 
     return dict.fromkeys(("Ra25", "Kt25", "J", "b", "L"), advice[max(rates, key=rates.__getitem__)])
 
 
-def _passed_unseen(values: Mapping[str, float], interval: float) -> frozenset[str]:
-    """Parameters that cannot be identified at this rate, as the mechanical transient passes unseen.
-
-    An electrical transient alone leaves its trace in the speed, from which a fit determines L.
-    Where the mechanical one passes within an interval, too, J and L follow from the instants of
-    the voltage steps alone: a step between two samples changes them by orders of magnitude.
-    """
-    passed = _unresolved(values, interval)
-    return frozenset(passed) if "J" in passed else frozenset()
-
-
 def sampling_note(values: Mapping[str, float], interval: float, is_typical: bool = False) -> str:
     """Remark on transients that are shorter than the interval [s]; empty if there are none.
 
@@ -232,7 +224,7 @@ def sampling_note(values: Mapping[str, float], interval: float, is_typical: bool
     passed = _unresolved(values, interval)
     if not passed:
         return ""
-    advice = _sampling_advice(values, interval)
+    advice = _sampling_advice(passed, interval)
     now = _milliseconds(interval)
     if len(passed) == len(_NAMES):
         return (
