@@ -32,8 +32,9 @@ def missing_columns(
     """
     if not any(column.texts for column in columns):
         return _without_header(names, len(columns))
-    if unnamed := _unnamed(free, names):
-        return _unnamed_columns(names, unnamed, free, found)
+    numbered = _numbered(free)
+    if min(len(numbered), len(_MEASURED.intersection(names))) > 1:
+        return _unnamed_columns(names, numbered, free, found)
     similar = {name: similar_columns(name, free) for name in names}
     nearest = "".join(
         f"; {name} may be {listed(column.title for column in near)}"
@@ -53,7 +54,7 @@ def missing_columns(
         derived.append({"voltage_V": {"value": "VOLTS"}})
     signals = [column for column in free if "time" not in column.quantities]
     lacking = [name for name in names if name in _MEASURED and not similar[name]]
-    if 1 in (len(_numbered(free)), len(signals)) and lacking:
+    if 1 in (len(numbered), len(signals)) and lacking:
         hint += (
             "; join the files of a device that writes one for each channel with `motorid join FILE "
             "FILE FILE --out run.csv`"
@@ -116,19 +117,11 @@ def _without_header(names: Sequence[str], count: int) -> RunFileError:
     )
 
 
-def _unnamed(columns: Sequence[Column], names: Sequence[str]) -> list[Column]:
-    """Columns without the name of a channel, as an oscilloscope or a logger writes them.
-
-    Empty if fewer than two could be the missing channels.
-    """
-    found = _numbered(columns)
-    return found if min(len(found), len(_MEASURED.intersection(names))) > 1 else []
-
-
 def _numbered(columns: Sequence[Column]) -> list[Column]:
     """Columns in volts, or without a unit and with a number in the name, such as CH1.
 
-    Columns without a name have their number where no other column has one, except the time.
+    An oscilloscope or a logger writes them without the name of a channel.  Columns without a name
+    have their number where no other column has one, except the time.
     """
     is_named = any(column.texts and "time" not in column.quantities for column in columns)
     return [

@@ -34,6 +34,7 @@ from identification.ingest.units import (
     Unit,
     accepted_spellings,
     canonical_unit,
+    find_unit,
 )
 
 __all__ = ["Channel", "assign_channels", "header_unit"]
@@ -200,7 +201,8 @@ def _supplied_column(title: str) -> Column:
 
 def _is_product(mapping: Mapping[str, ChannelMapping]) -> bool:
     """True if a mapping gives the voltage as duty and bus voltage, without the voltage itself."""
-    given = [name for name in FACTOR_QUANTITIES if name in mapping and mapping[name].is_given]
+    factors = [mapping[name] for name in FACTOR_QUANTITIES if name in mapping]
+    given = [one.channel for one in factors if one.column is not None or one.value is not None]
     if given and "voltage_V" in mapping:
         raise MappingError(
             f"the mapping gives both voltage_V and {given[0]}; expected voltage_V alone, or duty "
@@ -310,7 +312,7 @@ def header_unit(name: str, column: Column) -> Unit:
     """Unit from the header of a column, checked against the quantity of the channel."""
     quantity = canonical_unit(name).quantity
     accepted = accepted_spellings(quantity)
-    if column.has_contradictory_units:
+    if len({find_unit(text) for text in column.unit_texts}) > 1:
         raise AmbiguousUnit(
             f"the header gives two units, {listed(column.unit_texts)}; remove one",
             column=column.label,

@@ -83,11 +83,6 @@ class Column:
         """True for a column of times, by its name or its unit."""
         return "time" in self.quantities or (self.unit is not None and self.unit.quantity == "time")
 
-    @property
-    def has_contradictory_units(self) -> bool:
-        """True if the name and the units row give different units."""
-        return len({find_unit(text) for text in self.unit_texts}) > 1
-
     def has_name(self, title: str) -> bool:
         """Return True if `title` in a mapping refers to this column."""
         wanted = " ".join(title.split())

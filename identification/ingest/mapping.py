@@ -103,11 +103,6 @@ class ChannelMapping:
     value: float | None = None
     """Constant in `unit`, in place of a column, or None."""
 
-    @property
-    def is_given(self) -> bool:
-        """True if the channel has a column or a constant."""
-        return self.column is not None or self.value is not None
-
 
 @dataclass(frozen=True)
 class RunMapping:

@@ -25,7 +25,6 @@ import numpy as np
 from identification.arrays import Array, Bool
 from identification.errors import AbsurdValue, NotANumber
 from identification.ingest.channels import Channel
-from identification.ingest.columns import Column
 from identification.ingest.display import quoted
 from identification.ingest.reader import Samples
 from identification.ingest.run import RunWarning, SourceLocator
@@ -73,12 +72,9 @@ _UNSIGNED: Final = (
 def requested(channels: Mapping[str, Channel]) -> tuple[Channel, ...]:
     """Channels whose cells a table has to read, and one for the column of each sign."""
     logged = [channel for channel in channels.values() if channel.is_logged]
-    signs = [_sign_channel(c.name, c.sign) for c in logged if c.sign is not None]
-    return (*logged, *signs)
-
-
-def _sign_channel(name: str, column: Column) -> Channel:
-    return Channel(_sign_name(name), column, canonical_unit("duty"), is_direction=True)
+    signs = {_sign_name(c.name): c.sign for c in logged if c.sign is not None}
+    ratio = canonical_unit("duty")
+    return (*logged, *(Channel(n, c, ratio, is_direction=True) for n, c in signs.items()))
 
 
 def _sign_name(name: str) -> str:

@@ -57,7 +57,10 @@ class TdmsReader:
         signals: dict[str, list[Signal]] = {}
         with decoding(_WHAT):
             opened = library.TdmsFile.open(file.seekable())
-            warnings = _warnings(file, opened.file_status.incomplete_final_segment)
+            text = "the end is missing, probably by a loss of power; the samples before it are read"
+            warnings: tuple[RunWarning, ...] = ()
+            if opened.file_status.incomplete_final_segment:
+                warnings = (RunWarning("incomplete_file", text, file.name),)
             every = {
                 g.name: [c for c in g.channels() if len(c) > 0 and c.dtype.kind in "biufM"]
                 for g in opened.groups()
@@ -84,15 +87,8 @@ class TdmsReader:
                     else SignalTable(signals[name], file.name, warnings)
                 )
         clocked = {name: found for name, found in signals.items() if found}
-        notes = "".join(f"; {warning.message}" for warning in warnings)
+        notes = f"; {text}" if warnings else ""
         return TableSet("group", tables, joined(clocked, file.name, warnings), notes)
-
-
-def _warnings(file: RunFile, is_incomplete: bool) -> tuple[RunWarning, ...]:
-    if not is_incomplete:
-        return ()
-    text = "the end is missing, probably by a loss of power; the samples before it are read"
-    return (RunWarning("incomplete_file", text, file.name),)
 
 
 def _refuse_scaling(channel: str, properties: Mapping[str, object]) -> None:

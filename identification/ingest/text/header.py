@@ -216,8 +216,10 @@ class Preamble:
         """Start and interval of the samples in the unit of the time, if no column holds times."""
         if _COLUMNS in self.lines and self._cell(_COLUMNS, 1).casefold() != "no":
             return None
-        step = next((self._number(key) for key in _STEP if key in self.lines), math.nan)
-        start = next((self._number(key) for key in _START if key in self.lines), 0.0)
+        step, start = (
+            next((_float(self._cell(key, 1)) for key in keys if key in self.lines), default)
+            for keys, default in ((_STEP, math.nan), (_START, 0.0))
+        )
         return (start, step) if step > 0.0 and math.isfinite(start) else None
 
     @property
@@ -283,10 +285,6 @@ class Preamble:
     def _cell(self, key: str, index: int) -> str:
         cells = self.lines.get(key, [])
         return cells[index].strip() if 0 < index < len(cells) else ""
-
-    def _number(self, key: str) -> float:
-        """First number of a line; NaN if there is none."""
-        return _float(self._cell(key, 1))
 
 
 def read_preamble(rows: Sequence[list[str]]) -> Preamble:
