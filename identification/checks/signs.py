@@ -32,13 +32,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.balance import (
-    CHANNELS,
-    Balance,
-    Regression,
-    Signals,
-    reverses,
-)
+from identification.checks.balance import CHANNELS, Balance, Regression, Signals, reverses
 from identification.checks.coasting import without_pauses
 from identification.checks.finding import Finding, exchange, factor, refusal, signed, suspicion
 from identification.ingest.run import Run

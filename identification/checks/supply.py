@@ -23,13 +23,7 @@ from typing import Final
 import numpy as np
 
 from identification.arrays import Array
-from identification.checks.balance import (
-    Regression,
-    Signals,
-    regress,
-    reverses,
-    windows_of,
-)
+from identification.checks.balance import Regression, Signals, regress, reverses, windows_of
 from identification.checks.finding import Finding, refusal
 from identification.ingest.run import Run
 

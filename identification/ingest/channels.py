@@ -149,9 +149,7 @@ def _mapped_channels(
             continue
         try:
             column = _column(columns, entry.column, name)
-            sign = (
-                None if entry.sign is None else _column(columns, entry.sign, f"the sign of {name}")
-            )
+            sign = _column(columns, entry.sign, f"the sign of {name}") if entry.sign else None
         except _Absent as error:
             absent.append(str(error))
             continue

@@ -6,12 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from identification.errors import (
-    DuplicateColumn,
-    Example,
-    RunFileError,
-    UnknownUnit,
-)
+from identification.errors import DuplicateColumn, Example, RunFileError, UnknownUnit
 from identification.ingest.display import plain, quoted
 from identification.ingest.mapping import OPTIONAL_CHANNELS
 from identification.ingest.names import (

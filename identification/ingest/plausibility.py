@@ -88,10 +88,7 @@ _RATIO_TOLERANCE = 0.03
 
 
 def check_values(
-    channels: dict[str, Array],
-    time: Array,
-    locator: SourceLocator,
-    constants: Collection[str] = (),
+    channels: dict[str, Array], time: Array, locator: SourceLocator, constants: Collection[str] = ()
 ) -> Iterator[RunWarning]:
     """Reject impossible values and warn of unusual ones, for all channels except time, in SI units.
 

@@ -18,13 +18,7 @@ import numpy as np
 import pandas as pd
 
 from identification.arrays import Array
-from identification.errors import (
-    AbsurdValue,
-    FileTooLarge,
-    MissingColumn,
-    RaggedRow,
-    TooFewRows,
-)
+from identification.errors import AbsurdValue, FileTooLarge, MissingColumn, RaggedRow, TooFewRows
 from identification.ingest.channels import Channel
 from identification.ingest.clipping import find_clipped
 from identification.ingest.clocks import apart
@@ -38,13 +32,7 @@ from identification.ingest.held import find_held
 from identification.ingest.mapping import MappingLike, RunMapping, read_mapping
 from identification.ingest.names import is_direction
 from identification.ingest.plausibility import check_values
-from identification.ingest.reader import (
-    Reader,
-    Samples,
-    SourceTable,
-    TableSet,
-    refuse_not_finite,
-)
+from identification.ingest.reader import Reader, Samples, SourceTable, TableSet, refuse_not_finite
 from identification.ingest.run import Run, RunWarning, Source, SourceLocator
 from identification.ingest.side_by_side import with_own_clocks
 from identification.ingest.supplied import requested, supplied

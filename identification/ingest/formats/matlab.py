@@ -160,27 +160,24 @@ def decoded(
         )
     if not isinstance(stream, io.BufferedReader):
         return root, "; tables, timetables and logs are not read from compressed files: unpack it"
-    try:
-        found = _objects(stream.name, names)
-        # Without its properties, mat-io returns an object as the scalar that refers to them.
-        kept = {k: node for k, node in found.items() if not isinstance(node, Leaf) or node.length}
-        return {**root, **kept}, ""
-    except DamagedFile:
-        return root, "; the library mat-io cannot decode these objects"
-
-
-def _objects(path: str, names: Sequence[str] | None) -> Mapping[str, Node]:
     library = imported(_LIBRARY, _OBJECTS)
     faults = imported("matio.utils.matclass", _OBJECTS)
-    with decoding(_OBJECTS, (faults.MatReadError, faults.MatConvertError)):
-        content = library.load_from_mat(
-            path, variable_names=None if names is None else list(names), add_table_attrs=True
-        )
-        return {
-            plain(str(name)): node_of(value)
-            for name, value in content.items()
-            if not str(name).startswith("__")
-        }
+    wanted = None if names is None else list(names)
+    try:
+        with decoding(_OBJECTS, (faults.MatReadError, faults.MatConvertError)):
+            content = library.load_from_mat(
+                stream.name, variable_names=wanted, add_table_attrs=True
+            )
+            found = {
+                plain(str(name)): node_of(value)
+                for name, value in content.items()
+                if not str(name).startswith("__")
+            }
+    except DamagedFile:
+        return root, "; the library mat-io cannot decode these objects"
+    # Without its properties, mat-io returns an object as the scalar that refers to them.
+    kept = {k: node for k, node in found.items() if not isinstance(node, Leaf) or node.length}
+    return {**root, **kept}, ""
 
 
 def node_of(value: object, depth: int = 0) -> Node:

@@ -33,13 +33,7 @@ from identification.ingest.text.cells import (
     is_whole_second,
     split_cells,
 )
-from identification.ingest.text.header import (
-    HeaderRows,
-    Line,
-    Preamble,
-    keyed_rows,
-    read_preamble,
-)
+from identification.ingest.text.header import HeaderRows, Line, Preamble, keyed_rows, read_preamble
 from identification.ingest.text.interval import stated_interval
 
 __all__ = ["COMMENT_MARKS", "Layout", "detect_layout"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import bisect
 import copy
-import itertools
 import math
 from array import array
 from collections.abc import Iterator, Sequence
@@ -203,10 +202,9 @@ class SampleReader:
             RunFileError: The file has too many faults to go on.
         """
         columns = [array("d") for _ in self._channels]
-        whole = text.decode("utf-8", "replace")
-        numbers = itertools.count(first_line)
         # Not splitlines(), which also splits at form feeds and other Unicode separators.
-        for number, line in zip(numbers, whole.removesuffix("\n").split("\n"), strict=False):
+        lines = text.decode("utf-8", "replace").removesuffix("\n").split("\n")
+        for number, line in enumerate(lines, first_line):
             stripped = line.strip()
             if not stripped or stripped.startswith(COMMENT_MARKS):
                 continue
@@ -254,11 +252,7 @@ class SampleReader:
         values: list[float] = []
         for channel in self._channels:
             try:
-                cell = cells[channel.column.index]
-                if channel.is_direction and cell:
-                    values.append(direction_of(cell, channel.column.label, number))
-                    continue
-                values.append(self._number(cell, channel, number))
+                values.append(self._number(cells[channel.column.index], channel, number))
             except RunFileError as error:
                 self.faults.add(error)
         return values
@@ -278,6 +272,8 @@ class SampleReader:
             if channel.may_lack:
                 return math.nan
             raise blank_cell(channel, line)
+        if channel.is_direction:
+            return direction_of(cell, channel.column.label, line)
         if channel.name in self._clocks:
             seconds = self._clocks[channel.name].seconds(cell)
             if seconds is None:
@@ -289,9 +285,8 @@ class SampleReader:
                     value=cell,
                 )
             return seconds
-        text = number_text(cell, self._decimal or ".")
-        if text is None and self._decimal is None:
-            text = number_text(cell, ",")
+        signs = self._decimal or ".,"
+        text = next(filter(None, (number_text(cell, sign) for sign in signs)), None)
         if text is None:
             if is_number_word(cell):
                 raise not_finite(cell, channel, line)
