@@ -124,10 +124,13 @@ def _temperatures_of(words: Sequence[str]) -> list[float]:
 
 def _print(found: Mapping[str, Any]) -> None:
     from app.commands import console
+    from identification.tuning import UNITS
 
     output = console.results_console()
     spec = found["specification"]
-    required = ", ".join(f"{name} {value:g}" for name, value in spec.items() if value is not None)
+    required = ", ".join(
+        f"{name} {value:g} {UNITS[name]}" for name, value in spec.items() if value is not None
+    )
     temperatures = found["temperature_degC"]
     span = " to ".join(f"{t:g}" for t in sorted({temperatures[0], temperatures[-1]}))
     output.print(f"Specification: {required}", soft_wrap=True)

@@ -181,12 +181,12 @@ def duplicate_columns(columns: Sequence[Column]) -> RunFileError:
 
 
 def example(name: str, column: Column | None) -> Example:
-    """Mapping of a channel to a column in its unit, else in that of its name or the SI unit."""
+    """Mapping of a channel to a column, with a unit unless the header gives one."""
     unit = canonical_unit(name)
     title = plain(column.title, 80) if column else "HEADER TEXT"
     if column is not None and column.unit is not None and column.unit.quantity == unit.quantity:
-        unit = column.unit
-    elif name == "speed_rad_s" and "rpm" in title.casefold():
+        return {name: {"column": title}}
+    if name == "speed_rad_s" and "rpm" in title.casefold():
         # VESC logs the electrical speed, which has the pole pairs as a factor.
         scale = {"scale": "TURNS_PER_ELECTRICAL_TURN"} if "erpm" in title.casefold() else {}
         return {name: {"column": title, **scale, "unit": "rpm"}}

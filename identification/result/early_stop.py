@@ -98,4 +98,5 @@ def _remedy(effort: str, limit: str) -> tuple[str, Option | None]:
         return "raise --time-limit", "time_limit"
     if effort == "thorough":
         return "use shorter or fewer runs", None
-    return "--effort thorough allows ten times as many operations", "effort"
+    following, factor = ("normal", "four") if effort == "quick" else ("thorough", "ten")
+    return f"--effort {following} allows {factor} times as many operations", "effort"

@@ -17,12 +17,18 @@ from __future__ import annotations
 
 from identification.speed_loop.controller import KINDS
 from identification.tuning.motor import UncertainMotor, motor_of
-from identification.tuning.specification import METRICS, Specification, parse_specification
+from identification.tuning.specification import (
+    METRICS,
+    UNITS,
+    Specification,
+    parse_specification,
+)
 from identification.tuning.tune import tune
 
 __all__ = [
     "KINDS",
     "METRICS",
+    "UNITS",
     "Specification",
     "UncertainMotor",
     "motor_of",

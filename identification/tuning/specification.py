@@ -20,7 +20,7 @@ from identification.arrays import Array
 from identification.errors import OptionError
 from identification.numerals import decimal_of
 
-__all__ = ["METRICS", "Metric", "Specification", "parse_specification"]
+__all__ = ["METRICS", "UNITS", "Metric", "Specification", "parse_specification"]
 
 _LEAST_SAMPLE: Final = 1e-7
 _GAIN_MARGIN: Final = 6.0
@@ -60,6 +60,12 @@ METRICS: Final = {
 }
 """Metrics that a specification may require, by name."""
 
+UNITS: Final = {
+    **{name: metric.unit for name, metric in METRICS.items()},
+    **{"voltage": "V", "current": "A", "sample_time": "s", "delay": "s"},
+}
+"""Units of the values of a specification, by name."""
+
 
 @dataclass(frozen=True)
 class Specification:
@@ -92,7 +98,7 @@ class Specification:
 
     def __post_init__(self) -> None:
         wrong = [
-            f"{field.name} is {value:g}; expected a number above 0"
+            f"{field.name} is {value:g} {UNITS[field.name]}; expected a number above 0"
             for field in fields(self)
             if (value := getattr(self, field.name)) is not None
             and field.name != "delay"

@@ -43,6 +43,19 @@ def shown(text: str) -> dict[str, str]:
     }
 
 
+def test_findings_on_a_file_are_notes_in_both_tables(http: httpx.Client) -> None:
+    """A run without a temperature has one, before and after it is added."""
+    rows = (line.rpartition(b",")[0] for line in run_text(7).splitlines())
+    files = {"file": ("cold.csv", b"\n".join(rows))}
+    assert http.post("/pending", files=files).status_code == 200
+    before = http.get("/").text
+    assert http.post("/pending/confirm").status_code == 303
+    after = http.get("/").text
+
+    assert [len(re.findall(r"1\s+note", text)) for text in (before, after)] == [1, 1]
+    assert not re.search(r"1\s+warning", before + after)
+
+
 def test_roles_are_proposed_then_chosen_and_kept(http: httpx.Client) -> None:
     """The file named val validates until the user chooses; a reload shows the choice."""
     run = ids(http)

@@ -172,7 +172,7 @@ def test_decimal_sign_of_the_times_is_not_that_of_the_numbers(
         (
             b"Time / s,Vm:Voltage / mV,Current / A,Speed / rpm\n" + b"0,1,2,3\n" * 9,
             errors.MissingColumn,
-            '{"voltage_V": {"column": "Vm:Voltage / mV", "unit": "mV"}}',
+            '{"voltage_V": {"column": "Vm:Voltage / mV"}}',
         ),
         (
             b"Time(s),CH1(V),CH2(A),CH3(V)\n" + b"0,1,2,3\n" * 9,

@@ -57,6 +57,8 @@ def test_print_shows_every_run_and_a_small_screen_readable_text(tmp_path: Path) 
         tab.goto(page.as_uri())
         tab.wait_for_selector("html[data-ready]", state="attached")
         size, width = tab.evaluate(smallest), tab.evaluate("document.body.scrollWidth")
+        table = tab.locator("[aria-label=Parameters]")
+        is_scrolled = table.evaluate("table => table.scrollWidth > table.clientWidth")
         tab.evaluate("dispatchEvent(new Event('beforeprint'))")
         printed = [
             tab.locator(f"#sheets {kind}").count() for kind in ("h3", ".panel", ".panel canvas")
@@ -67,5 +69,6 @@ def test_print_shows_every_run_and_a_small_screen_readable_text(tmp_path: Path) 
 
     assert size >= 11.0
     assert width == 390
+    assert not is_scrolled
     assert printed == [7, 42, 42]
     assert left == 0

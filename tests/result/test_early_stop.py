@@ -12,6 +12,25 @@ from identification.fit.solve import Fit
 from identification.posterior.convergence import Convergence
 from identification.posterior.sample import Sample
 from identification.result.early_stop import early_stop_warnings
+from identification.selection.outcome import Outcome
+
+
+@pytest.mark.parametrize(
+    ("effort", "fix"),
+    [
+        ("quick", "--effort normal allows four times as many operations"),
+        ("normal", "--effort thorough allows ten times as many operations"),
+        ("thorough", "use shorter or fewer runs"),
+    ],
+)
+def test_the_advice_is_the_next_effort(effort: str, fix: str) -> None:
+    """There is none above thorough."""
+    converged = cast(Fit, SimpleNamespace(converged=True))
+    stopped = cast(Outcome, SimpleNamespace(complete=False, effects=(), is_scored=True))
+
+    (warning,) = early_stop_warnings(converged, stopped, None, effort, None)
+
+    assert warning.fix == fix
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,23 @@ def test_command_of_the_refusal_writes_the_run(
     assert read_run(out).rows > 0
 
 
+def test_header_that_gives_the_unit_needs_none_in_the_mapping(
+    channels: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command to copy has the columns alone, and writes the run."""
+    for number, (path, unit) in enumerate(zip(channels, ("V", "A", "rad/s"), strict=True), 1):
+        path.write_text(path.read_text().replace(f"CH{number} [V]", f"CH{number}({unit})"))
+    out = tmp_path / "run.csv"
+
+    assert main(["join", *map(str, channels), "--out", str(out)]) == 2
+    message = capsys.readouterr().err.strip()
+    words = shlex.split("motorid join" + message.split("motorid join")[-1])
+
+    assert words[-5::2] == ["voltage_V=CH1(V)", "current_A=CH2(A)", "speed_rad_s=CH3(rad/s)"]
+    assert main(words[1:]) == 0
+    assert read_run(out).rows > 0
+
+
 def test_no_channel_is_overwritten(channels: list[Path], tmp_path: Path) -> None:
     """The output has the name of an input."""
     before = channels[0].read_bytes()

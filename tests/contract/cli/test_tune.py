@@ -62,6 +62,7 @@ def test_four_controllers_fit_into_a_terminal_of_80_characters(
     assert main([*words, "--spec", "rise_time=1,sample_time=1e-2"]) == 0
 
     lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Specification: rise_time 1 s, sample_time 0.01 s, delay 0 s"
     (rise,) = (line for line in lines if line.startswith("rise time [ms] "))
     assert rise.count(" .. ") == 4
 
@@ -69,6 +70,7 @@ def test_four_controllers_fit_into_a_terminal_of_80_characters(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (["--spec", "overshoot=-5"], "overshoot is -5 %; expected a number above 0"),
         (["--spec", "rise=1"], "rise is not known; expected rise_time"),
         (["--spec", "overshoot=5", "--temperature", "120:0"], "'120:0': expected a temperature"),
         (["--spec", "overshoot=5", "--kind", "PD"], "'PD' is not known; expected P, PI"),
