@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.fits.schemas import FitSummary
 from app.pages.rendering import STATIC_FILES
 from app.pages.results import result_view
+from app.pages.views import fit_view
 from identification.reporting.figures.chart import Line, chart
 from identification.reporting.figures.drawn import drawn_chart
 from identification.reporting.html import render_report
+from identification.reporting.page import page_environment
 from tests.reports import make_report
 
 DATA = make_report(with_effect=True)
@@ -102,6 +105,22 @@ def test_warning_has_the_tone_of_its_severity(severity: str, tone: str) -> None:
     shown = result_view(RESULT | {"warnings": ["text"], "warning_details": details}, "")
 
     assert [(item.message, item.code) for item in shown["warnings"][tone]] == [("Text", "x")]
+
+
+def test_notes_have_the_same_name_on_the_page_as_in_the_report() -> None:
+    """The report writes "Notes on the runs"; the page of the fit counts them."""
+    details = [{"code": "x", "severity": "note", "fix": ""}]
+    result = RESULT | {"warnings": ["text"], "warning_details": details}
+    fit = FitSummary.model_validate(FitSummary.model_json_schema()["examples"][0])
+    links = {"self": "/fit", "report": "/report"}
+
+    page = page_environment("app.pages").get_template("fit.html.j2")
+    shown = page.render(
+        fit=fit_view(fit.model_copy(update={"links": links}), {}), outcome=result_view(result, ""),
+        caller=None, help="", contradictions=(), first_run="", exports={},
+    )  # fmt: skip
+
+    assert "<summary>1 note on the runs</summary>" in shown
 
 
 def test_result_with_few_members_is_shown_with_remarks() -> None:
