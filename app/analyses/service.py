@@ -132,7 +132,7 @@ class AnalysisService:
         name = fit.row.id
         if not fit.has_posterior:
             return normal_draws(fit.result or {}, most, f"result.json of {name}")
-        with self._fits.posterior(caller, name) as file:
+        with self._fits.output(caller, name, "posterior.nc") as file:
             return chain_draws(file, most, f"posterior.nc of {name}")
 
     def prediction(

@@ -160,7 +160,9 @@ def delete_fit(
 def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:
     """Fetch the HTML report of a succeeded fit."""
     return OpenFileResponse(
-        services.fits.report(caller, fit_id), media_type="text/html; charset=utf-8", headers=FRAMED
+        services.fits.output(caller, fit_id, "report.html"),
+        media_type="text/html; charset=utf-8",
+        headers=FRAMED,
     )
 
 
@@ -176,7 +178,7 @@ def fetch_report(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenF
 def fetch_posterior(fit_id: str, services: ServicesDep, caller: CallerDep) -> OpenFileResponse:
     """Fetch the posterior of a succeeded fit that was sampled, as NetCDF for ArviZ."""
     return OpenFileResponse(
-        services.fits.posterior(caller, fit_id),
+        services.fits.output(caller, fit_id, "posterior.nc"),
         media_type="application/x-netcdf",
         filename=f"{fit_id}.nc",
     )

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 from sqlalchemy.orm import Session
 
@@ -143,15 +143,10 @@ class FitService:
         self._storage.remove_fit(fit_id)
         return None
 
-    def report(self, caller: Caller, fit_id: str) -> BinaryIO:
-        """Open the report of a fit for reading."""
-        return self._output(caller, fit_id, "report.html")
-
-    def posterior(self, caller: Caller, fit_id: str) -> BinaryIO:
-        """Open the posterior of a fit for reading."""
-        return self._output(caller, fit_id, "posterior.nc")
-
-    def _output(self, caller: Caller, fit_id: str, name: str) -> BinaryIO:
+    def output(
+        self, caller: Caller, fit_id: str, name: Literal["report.html", "posterior.nc"]
+    ) -> BinaryIO:
+        """Open an output of a fit for reading."""
         row = self._succeeded(caller, fit_id)
         directory = self._directory(row)
         try:

@@ -147,7 +147,7 @@ def _files(services: Services, caller: Caller, run_ids: Iterable[str]) -> dict[s
 def _report(services: Services, caller: Caller, fit_id: str) -> str:
     """Text of a report; empty if it cannot be read, because the page has more than its figures."""
     try:
-        with services.fits.report(caller, fit_id) as file:
+        with services.fits.output(caller, fit_id, "report.html") as file:
             return file.read().decode("utf-8", "replace")
     except (FileLost, NotReady):
         return ""
@@ -157,7 +157,7 @@ def _report(services: Services, caller: Caller, fit_id: str) -> str:
 def report_page(fit_id: str, page: Page, services: ServicesDep, caller: CallerDep) -> HTMLResponse:
     """Report of a fit below the bar of the pages, with the way back."""
     # Closed at once; a fit without a report is an error of this page and not of its frame.
-    services.fits.report(caller, fit_id).close()
+    services.fits.output(caller, fit_id, "report.html").close()
     motor = services.fits.row(caller, fit_id).motor
     return page(
         "framed",

@@ -41,9 +41,10 @@ class StoredFits:
         row = FitRow(id=fit_id, status="succeeded" if self._result else "running")
         return StoredFit(row, [], [], self._posterior is not None, self._result)
 
-    def posterior(self, caller: Caller, fit_id: str) -> BinaryIO:
+    def output(self, caller: Caller, fit_id: str, name: str) -> BinaryIO:
         """Open the posterior."""
         assert self._posterior
+        assert name == "posterior.nc"
         return self._posterior.open("rb")
 
 

@@ -21,8 +21,8 @@ from tests.app.rows import fit_row
 CALLER = Caller("default")
 READ: dict[str, Callable[[FitService, str], Any]] = {
     "fit": lambda fits, fit_id: fits.get(CALLER, fit_id),
-    "report": lambda fits, fit_id: fits.report(CALLER, fit_id).close(),
-    "posterior": lambda fits, fit_id: fits.posterior(CALLER, fit_id).close(),
+    "report": lambda fits, fit_id: fits.output(CALLER, fit_id, "report.html").close(),
+    "posterior": lambda fits, fit_id: fits.output(CALLER, fit_id, "posterior.nc").close(),
 }
 
 
@@ -89,7 +89,7 @@ def test_missing_posterior_is_not_ready(bench: Bench, fits: FitService) -> None:
 
     assert not fits.get(CALLER, row.id).has_posterior
     with pytest.raises(NotReady, match="has no posterior"):
-        fits.posterior(CALLER, row.id)
+        fits.output(CALLER, row.id, "posterior.nc")
 
 
 def in_batch(bench: Bench) -> tuple[BatchService, str, list[FitRow]]:
