@@ -13,7 +13,6 @@ from typing import Any
 import anyio
 from anyio import to_thread
 from fastapi import FastAPI
-from fastapi.openapi.utils import get_openapi
 
 from app.analyses.endpoints import designs
 from app.analyses.endpoints import router as analyses
@@ -133,13 +132,7 @@ async def _lifespan(application: FastAPI) -> AsyncIterator[None]:
 def _openapi(application: FastAPI) -> dict[str, Any]:
     """OpenAPI schema, with bearer authentication for every call except health."""
     if application.openapi_schema is None:
-        schema = get_openapi(
-            title=application.title,
-            version=application.version,
-            summary=application.summary,
-            description=application.description,
-            routes=application.routes,
-        )
+        schema = FastAPI.openapi(application)
         schema["components"]["securitySchemes"] = {
             "key": {
                 "type": "http",
@@ -160,5 +153,4 @@ def _openapi(application: FastAPI) -> dict[str, Any]:
                 if "HTTPValidationError" in str(call["responses"].get("422")):
                     del call["responses"]["422"]
                 call["security"] = [] if call["tags"] == ["health"] else [{"key": []}]
-        application.openapi_schema = schema
-    return application.openapi_schema
+    return FastAPI.openapi(application)

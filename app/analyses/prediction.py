@@ -86,7 +86,3 @@ class Predictor:
             command = _COMMANDS[kind]
             text = f"{subject}: the computation needs more than {limit}; use `motorid {command}`"
         raise RunRefused(text, reason="prediction", file=subject)
-
-    def stop(self) -> None:
-        """Stop the fork server."""
-        self._fork_server.stop()

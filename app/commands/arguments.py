@@ -64,10 +64,10 @@ class SeveralWords(typer.core.TyperCommand):
         "--temperature": _is_number,
         "--controller": lambda word: re.match(r"(?i)[a-z+]{1,5}:", word) is not None,
         "--kind": lambda word: re.fullmatch(r"(?i)p|pi|pi\+ff|pid", word) is not None,
-        "--known": lambda word: re.match(r"\w+=", word) is not None,
-        "--limit": lambda word: re.match(r"\w+=", word) is not None,
-        "--nameplate": lambda word: re.match(r"\w+=", word) is not None,
-        "--set": lambda word: re.match(r"\w+=", word) is not None,
+        **dict.fromkeys(
+            ("--known", "--limit", "--nameplate", "--set"),
+            lambda word: re.match(r"\w+=", word) is not None,
+        ),
     }
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -216,7 +216,7 @@ def _fit_row(refit: Refit, changed: Sequence[str]) -> dict[str, Any]:
     ratios = [refit.noise_ratios.get((role, channel)) for channel in ("current", "speed")]
     return {
         "effects": ", ".join(effect_words(name) for name in refit.effects) or "none",
-        "ratios": [UNKNOWN if ratio is None else number_text(ratio, 3) for ratio in ratios],
+        "ratios": [number_text(ratio, 3) for ratio in ratios],
         "role": role,
         "changed": listed(changed),
         "previous": refit.previous.fit if refit.previous else "",

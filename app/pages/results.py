@@ -179,7 +179,7 @@ def _errors(first: Result, second: Result) -> list[dict[str, Any]]:
             ]
             ratios = [entry.get("noise_ratio") for entry in entries]
             if any(ratio is not None for ratio in ratios):
-                texts = [UNKNOWN if ratio is None else number_text(ratio, 3) for ratio in ratios]
+                texts = [number_text(ratio, 3) for ratio in ratios]
                 rows.append({"role": role, "channel": channel, "ratios": texts})
     return rows
 
