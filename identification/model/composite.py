@@ -36,10 +36,13 @@ from identification.model.term import (
 )
 from identification.model.unlogged import Unlogged
 
-__all__ = ["CHANNELS", "INPUTS", "Hold", "MotorModel"]
+__all__ = ["CHANNELS", "INPUTS", "Edges", "Hold", "MotorModel"]
 
 Hold = Literal["zoh", "foh", "late"]
 """Zero-order hold, first-order hold, or the voltage of the interval that ends at a sample."""
+
+Edges = tuple[tuple[int, int], tuple[int, int]]
+"""For current and speed, numbers of samples at the start and at the end of a record."""
 
 
 CHANNELS: Final = ("current", "speed")
@@ -135,7 +138,7 @@ class MotorModel:
         return ahead - sum(term.behind for term in self.voltage_filters)
 
     @property
-    def edges(self) -> tuple[tuple[int, int], tuple[int, int]]:
+    def edges(self) -> Edges:
         """Samples at both ends of a record that depend on data outside it, for each channel.
 
         At the start this is the longest delay, plus the longest average and the memory of a digital

@@ -15,7 +15,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.ingest.run import Run
-from identification.model.composite import INPUTS
+from identification.model.composite import INPUTS, Edges
 from identification.model.logged_temperature import coarse_step, smooth_temperature
 from identification.model.logged_voltage import smooth_voltage
 from identification.model.unlogged import RAMP
@@ -156,7 +156,7 @@ class Record:
         turned = self.with_inputs(_angle_columns(angle))
         return replace(turned, raw_angle=self.integrated.copy())
 
-    def within(self, edges: tuple[tuple[int, int], tuple[int, int]]) -> Record:
+    def within(self, edges: Edges) -> Record:
         """Remove the weight of the edge samples and scale up the other weights to the same sum.
 
         This makes models with delays or averages, which cannot predict the edges, comparable with

@@ -2,7 +2,8 @@
 
 An effect has to meet the acceptance criteria (`selection/criteria.py`).  If the voltage is noisy,
 an effect can also gain by suppressing the current that its noise causes in the simulation.  Models
-are therefore compared at equal power of this noise (decision 0030).
+are therefore compared at equal power of this noise (decision 0030), and on the samples that all of
+them predict (`selection/common_samples.py`).
 
 The criterion for the comparison of models is half the BIC of the training runs minus the predictive
 log likelihood of the validation runs, which needs no complexity penalty.  If two models differ by
@@ -25,13 +26,16 @@ from identification.arrays import Array
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
-from identification.fit.evaluate import median_start, simulate_most_alike, voltage_noise_power
+from identification.fit.evaluate import median_start, voltage_noise_power
 from identification.fit.order_tracking import path_size
 from identification.fit.solve import Fit
 from identification.linear import least_squares
+from identification.model.composite import Edges
+from identification.selection.common_samples import chance_of_fading, common_edges, fit_within
 from identification.selection.criteria import AcceptanceCriteria, by_chance
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.start import has_odd_coefficients
+from identification.selection.validation import ValidationErrors, validation_errors
 
 __all__ = [
     "UNCOMPUTED",
@@ -45,8 +49,6 @@ __all__ = [
     "scores_of",
 ]
 
-_BY_CHANCE: Final = 0.5
-"""Expected gain of the log likelihood by a parameter that has no effect."""
 _ODD: Final = "implausible: like noise of the voltage, it makes a temperature coefficient unusual"
 _COLD: Final = "implausible: losses cannot cause a winding that starts most runs colder than logged"
 _NOISE: Final = "implausible: it explains no more than noise of the voltage causes"
@@ -56,18 +58,6 @@ smaller difference can be an error of the thermometer, and a single run what the
 _COLD_SD: Final = 2.0
 """Standard deviations by which it has to be below."""
 UNCOMPUTED: Final = "not computable: the simulation diverges or the normal equations are not finite"
-
-
-@dataclass(frozen=True)
-class ValidationErrors:
-    """Simulation errors of a model on the validation runs, whitened if its noise is."""
-
-    square: Array
-    """(2,) mean square error, infinite if the simulation diverges [A^2, rad^2/s^2]."""
-    count: Array
-    """(2,) number of samples."""
-    scatter: Array
-    """(2,) standard error of the logarithm of the RMS error, from its kurtosis [-]."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +72,15 @@ class EvaluatedModel:
     noise: Array = field(default_factory=lambda: np.zeros(2))
     """(2,) mean square of current and speed that the noise of the voltage causes in the simulation,
     whitened as the residuals [A^2, rad^2/s^2]."""
+    edges: Edges | None = None
+    """Samples at the ends of each record without which it is compared; None for its own."""
+
+    def within(self, edges: Edges) -> EvaluatedModel:
+        """The model compared without the samples at these ends of each record."""
+        if not self.is_computed or edges == (self.edges or self.fit.simulator.model.edges):
+            return self
+        unseen = self.unseen and self.unseen.within(edges, self.fraction)
+        return replace(self, fit=fit_within(self.fit, edges), unseen=unseen, edges=edges)
 
     def at_equal_noise(self, other: EvaluatedModel) -> EvaluatedModel:
         """The model with the squares that it had if it passed as much noise as the other model."""
@@ -121,9 +120,13 @@ class EvaluatedModel:
 
         The effect was selected from `tried` prototypes.
         """
-        own, simpler = self.at_equal_noise(simpler), simpler.at_equal_noise(self)
-        if own is not self:
-            return own.criteria(simpler, tried, policy)
+        own, other = _comparable([self, simpler])
+        return own._criteria(other, tried, policy)
+
+    def _criteria(
+        self, simpler: EvaluatedModel, tried: int, policy: SelectionPolicy
+    ) -> AcceptanceCriteria:
+        """Acceptance criteria against a simpler model that is comparable."""
         shared = self.fit.position.size - simpler.fit.position.size
         counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.fraction, 2.0)
@@ -185,10 +188,12 @@ class EvaluatedModel:
 
     def predicts_worse(self, other: EvaluatedModel, policy: SelectionPolicy) -> bool:
         """Whether the validation runs prefer the other model as clearly as they must an effect."""
-        if self.unseen is None or other.unseen is None:
+        edges = common_edges([self.fit, other.fit])
+        own, other = self.within(edges), other.within(edges)
+        if own.unseen is None or other.unseen is None:
             return False
-        ratio = _log_ratio(other.unseen.square, self.unseen.square)
-        counted = (ratio * self.unseen.count)[self.fit.weighting.counts > 0]
+        ratio = _log_ratio(other.unseen.square, own.unseen.square)
+        counted = (ratio * own.unseen.count)[self.fit.weighting.counts > 0]
         log_odds = max(self.fraction, other.fraction) * float(np.sum(counted))
         return log_odds < -policy.validation_log_odds
 
@@ -202,9 +207,8 @@ class EvaluatedModel:
             return float("inf")
         samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
         size = _determined(self.fit) + _lasting(self.fit)
-        states = [state for term in self.fit.simulator.model.terms for state in term.states]
-        chance = _BY_CHANCE * len(self.fit.states) * sum(state.fades for state in states)
         penalty = 0.5 * size * float(np.log(samples))
+        chance = chance_of_fading(self.fit, self.edges)
         return fraction * (self.fit.cost + self._predictive()) + penalty + chance
 
     def _predictive(self) -> float:
@@ -250,9 +254,16 @@ def scores_of(models: Sequence[EvaluatedModel]) -> list[float]:
     A missing effect makes the residual autocorrelated, so the best model has the best fraction.
     """
     fraction = max((one.fraction for one in models if np.isfinite(one.fit.cost)), default=1.0)
-    for other in models:
-        models = [one.at_equal_noise(other) for one in models]
-    return [one.score(fraction) for one in models]
+    return [one.score(fraction) for one in _comparable(models)]
+
+
+def _comparable(models: Sequence[EvaluatedModel]) -> list[EvaluatedModel]:
+    """The models on the samples that all of them predict, and at equal noise of the voltage."""
+    edges = common_edges(one.fit for one in models if one.is_computed)
+    found = [one.within(edges) for one in models]
+    for other in found:
+        found = [one.at_equal_noise(other) for one in found]
+    return found
 
 
 def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
@@ -260,20 +271,8 @@ def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
     noise = voltage_noise_power(fit)
     if not campaign.validation:
         return EvaluatedModel(fit, fraction, None, noise)
-    own = any(state.is_own for term in fit.simulator.model.terms for state in term.states)
-    simulated = simulate_most_alike(fit, campaign.validation, whole=own)
-    total, fourth, count = np.zeros(2), np.zeros(2), np.zeros(2)
-    for s in simulated:
-        residual = fit.weighting.both_whitened(s.residual)
-        total += np.sum(s.record.weight * residual**2, axis=0)
-        fourth += np.sum(s.record.weight * residual**4, axis=0)
-        count += s.record.weight.sum(axis=0)
-    many = np.maximum(count, 1.0)
-    square = np.nan_to_num(total / many, nan=np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        uneven = np.maximum(np.nan_to_num(fourth / many / square**2 - 1.0), 0.0)
-    scatter = 0.5 * np.sqrt(uneven / (many * fraction))
-    return EvaluatedModel(fit, fraction, ValidationErrors(square, count, scatter), noise)
+    unseen = validation_errors(fit, campaign.validation, fraction)
+    return EvaluatedModel(fit, fraction, unseen, noise)
 
 
 def probabilities(scores: Sequence[float]) -> Array:

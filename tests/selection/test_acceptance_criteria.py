@@ -15,12 +15,11 @@ from identification.fit.declared import fit_declared
 from identification.fit.evaluate import Simulated, simulate_most_alike
 from identification.fit.solve import Fit, TerminationLimits, solve
 from identification.model.excitation import Record, records_of
-from identification.selection import evidence, trials
+from identification.selection import trials, validation
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.evidence import (
     UNCOMPUTED,
     EvaluatedModel,
-    ValidationErrors,
     evaluated,
     probabilities,
     scores_of,
@@ -29,6 +28,7 @@ from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import refitted_as, refitted_with, refitted_without
 from identification.selection.start import Start
 from identification.selection.trials import Trials
+from identification.selection.validation import ValidationErrors
 from tests.effects.hidden import records_of_bench
 from tests.motors import campaign, motor_named
 
@@ -137,7 +137,7 @@ def test_a_term_without_which_a_validation_run_diverges_is_kept(
         found = simulate_most_alike(fit, records, whole=whole)
         return [replace(each, logged=np.full_like(each.logged, np.nan)) for each in found]
 
-    monkeypatch.setattr(evidence, "simulate_most_alike", diverging)
+    monkeypatch.setattr(validation, "simulate_most_alike", diverging)
     lost, worse = (evaluated(m.fit, runs, m.fraction) for m in (declared, current))
 
     assert current.criteria(declared, tried=10).passed
