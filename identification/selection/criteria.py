@@ -10,7 +10,8 @@ criteria.  None of them was tuned on a simulator.
    parameters, since it can be at any sample (Zhang and Siegmund).
 2. *Size.* The simulation error has to fall by at least 2 %, summed over the two channels.  Less
    than 1 % per channel has no practical use, and other imperfections cause as much: an inexact law,
-   a smoothed temperature.
+   a smoothed temperature.  An accepted effect is not removed under a noise model if the error
+   before whitening falls by as much (`selection/simulation_error.py`).
 3. *Validation.* The error of the validation runs has to fall by at least a quarter of its fall in
    training, or of the fall that is certainly possible above the noise if that is smaller.  These
    runs also have to prefer the effect by twenty to one.  An effect of a single run is exempt from
@@ -29,7 +30,7 @@ Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Zhang and Siegmund, Bio
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -66,6 +67,8 @@ class AcceptanceCriteria:
     tried: int = 1
     """Number of prototypes from which the effect was selected."""
     policy: SelectionPolicy = field(default=DEFAULT, repr=False)
+    simulation: float = -np.inf
+    """`training` of the error before whitening; minus infinity if it is not whitened [-]."""
 
     @property
     def passed(self) -> bool:
@@ -80,6 +83,18 @@ class AcceptanceCriteria:
         """
         is_found = self.gain > self.needed and self.training > self.policy.least_fall
         return is_found and not self.passed
+
+    @property
+    def is_kept(self) -> bool:
+        """True if an effect that was accepted before stays in the model.
+
+        Under a noise model, the size criterion is also met by the simulation error, since whitening
+        removes a slow effect with the noise.  A new effect has to lower the whitened error: the
+        error of an inexact law is slow as well.
+        """
+        of_any_size = replace(self, policy=replace(self.policy, least_fall=-np.inf))
+        is_large = self.simulation > self.policy.least_fall
+        return self.passed or (is_large and of_any_size.passed)
 
     @property
     def refines(self) -> bool:

@@ -34,6 +34,7 @@ from identification.model.composite import Edges
 from identification.selection.common_samples import chance_of_fading, common_edges, fit_within
 from identification.selection.criteria import AcceptanceCriteria, by_chance
 from identification.selection.policy import DEFAULT, SelectionPolicy
+from identification.selection.simulation_error import simulation_fall
 from identification.selection.start import has_odd_coefficients
 from identification.selection.validation import ValidationErrors, validation_errors
 
@@ -157,6 +158,7 @@ class EvaluatedModel:
             unknowns=max(shared, 1),
             tried=max(tried, 1),
             policy=policy,
+            simulation=-np.inf if self.noise.any() else simulation_fall(self.fit, simpler.fit),
         )
 
     def _flaw(self, simpler: EvaluatedModel) -> str:

@@ -203,7 +203,7 @@ def backward(state: State) -> None:
         # A rival law is fitted only if the effect would be kept.
         rivals = (state.trials.enriched(simpler, law) for law in laws)
         for model in itertools.chain([simpler], rivals):
-            if not state.trials.criteria(state.current, model).passed:
+            if not state.trials.criteria(state.current, model).is_kept:
                 state.current = model
                 break
 

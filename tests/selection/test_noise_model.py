@@ -13,10 +13,12 @@ from identification.fit.declared import fit_declared
 from identification.fit.noise import with_noise_model
 from identification.selection.noise_model import under_noise_model, with_ordinary_noise
 from identification.selection.outcome import Outcome
+from identification.selection.policy import DEFAULT
 from identification.selection.search import search
 from identification.selection.steps import State
 from identification.selection.trials import Trials
 from tests.effects.hidden import records_of_bench
+from tests.selection.extended import extended
 
 SEED, ROWS, RUNS = 2, 1500, 2
 WHITE, COLOURED, SPIKY = Noise(kind="white"), Noise(kind="coloured"), Noise(kind="spiky")
@@ -75,6 +77,29 @@ def test_the_search_goes_on_under_the_noise_model_of_the_residual() -> None:
     assert errors is not None
     innovation = state.current.fit.weighting.deviation**2
     np.testing.assert_allclose(errors.square, innovation, rtol=0.3)
+
+
+def test_a_slow_effect_in_coloured_noise_is_kept_for_its_simulation_error() -> None:
+    """A drag of 8 % of the rated torque causes a sixth of the error, but no change of edges.
+
+    Its gain under the noise model is that of the whitened error, and is significant.
+    """
+    campaign = campaign_with(COLOURED, [EffectRequest("quadratic_drag", 0.08)])
+    trials = Trials(campaign)
+    nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
+    dragged = extended(trials, nominal, "quadratic_drag")
+    state = under_noise_model(State(trials, nominal, dragged))
+    assert state is not None
+
+    criteria = state.trials.criteria(state.current, state.nominal)
+
+    assert criteria.training == pytest.approx(0.015, abs=0.002)
+    assert criteria.training < DEFAULT.least_fall
+    assert criteria.simulation == pytest.approx(0.17, abs=0.01)
+    assert criteria.gain > criteria.needed
+    assert criteria.is_kept
+    assert not criteria.passed
+    assert trials.criteria(dragged, nominal).simulation == -np.inf
 
 
 def test_an_ordinary_fit_from_a_whitened_one_is_the_ordinary_fit() -> None:
