@@ -152,7 +152,7 @@ def _probabilities(result: dict[str, Any]) -> dict[str, float]:
 
 
 def _is_tied(result: dict[str, Any], true: str) -> bool:
-    """Whether an effect and its alternatives, one of them the true effect, all remain possible."""
+    """True if an effect and its alternatives, one of them the true effect, all remain possible."""
     for effect in result["effects"]:
         odds = {one["name"]: one["probability"] for one in (effect, *effect["alternatives"])}
         if len(odds) > 1 and odds.get(true, 0.0) >= TIED:

@@ -100,7 +100,7 @@ class StoredResult(Identified):
 
     @property
     def has_posterior(self) -> bool:
-        """Whether a posterior.nc is in the directory of the result."""
+        """True if a posterior.nc is in the directory of the result."""
         return self.path.with_name("posterior.nc").exists()
 
     def posterior_file(self) -> AbstractContextManager[Path]:

@@ -67,7 +67,7 @@ class Prior:
 
     @property
     def is_size(self) -> bool:
-        """Whether the parameter is positive by nature and its prior log-normal."""
+        """True if the parameter is positive by nature and its prior log-normal."""
         return not self.name.startswith("alpha_")
 
     @property

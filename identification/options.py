@@ -60,9 +60,9 @@ class FitOptions:
     seed: int = 0
     """Seed of the sampler; the same seed gives the same result."""
     posterior: bool = True
-    """Whether to sample the posterior; otherwise intervals come from the covariance of the fit."""
+    """True to sample the posterior; otherwise intervals come from the covariance of the fit."""
     effects: bool = True
-    """Whether to search for effects; otherwise the nominal model is final."""
+    """True to search for effects; otherwise the nominal model is final."""
     hold: Literal["auto", "zoh", "foh"] = "auto"
     """Voltage between samples: zero-order hold ``zoh``, first-order hold ``foh``, or ``auto``,
     which the data decide."""
@@ -76,9 +76,9 @@ class FitOptions:
     """Time after which the search and the sampler stop with their current result [s]; None for no
     limit, so that the result does not depend on a clock."""
     set_aside: bool = False
-    """Whether runs that contradict physics or the other runs are excluded."""
+    """True if runs that contradict physics or the other runs are excluded."""
     force: bool = False
-    """Whether to fit contradictory runs; the result is marked."""
+    """True to fit contradictory runs; the result is marked."""
     known: tuple[str, ...] = ()
     """Known values, ``NAME=VALUE[+-SPREAD[%]]`` in SI units; see `identification.known`."""
     nameplate: str = ""

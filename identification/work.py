@@ -63,7 +63,7 @@ def operations() -> float:
 
 
 def was_interrupted() -> bool:
-    """Whether the time limit stopped the stages before their budgets were spent."""
+    """True if the time limit stopped the stages before their budgets were spent."""
     meter = _meter.get(_outside)
     meter.interrupted = meter.interrupted or meter.is_due()
     return meter.interrupted
@@ -101,7 +101,7 @@ class Budget:
 
     @property
     def spent(self) -> bool:
-        """Whether no operations remain, or the stages were stopped."""
+        """True if no operations remain, or the stages were stopped."""
         return self.left < 0.0 or was_interrupted()
 
     def extend(self, count: float) -> None:

@@ -44,7 +44,7 @@ class Caller:
     key_id: str | None = None
     """Id of the key, or None if the service runs without keys."""
     is_owner: bool = True
-    """Whether the client may manage the keys of the workspace."""
+    """True if the client may manage the keys of the workspace."""
 
 
 class AccessService:

@@ -129,7 +129,7 @@ class PredictionOut(Documented):
 
     run: str
     declared: bool
-    """Whether the nominal model was used."""
+    """True if the nominal model was used."""
     rows: int
     errors: dict[str, ErrorOut]
     """For `current` and `speed`."""

@@ -51,7 +51,7 @@ class Claim:
     failures: int
     """Number of earlier attempts that crashed."""
     is_alone: bool
-    """Whether the fit must run alone, since it may be the cause of server kills."""
+    """True if the fit must run alone, since it may be the cause of server kills."""
 
 
 class FitQueue:

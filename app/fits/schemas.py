@@ -75,9 +75,9 @@ class FitOptionsIn(Documented):
     seed: int = Field(default=_DEFAULT.seed, ge=0, lt=2**32)
     """Seed of the sampler."""
     posterior: bool = _DEFAULT.posterior
-    """Whether to sample the posterior; otherwise intervals come from the covariance of the fit."""
+    """True to sample the posterior; otherwise intervals come from the covariance of the fit."""
     effects: bool = _DEFAULT.effects
-    """Whether to search for effects beyond the nominal model."""
+    """True to search for effects beyond the nominal model."""
     hold: Literal["auto", "zoh", "foh"] = _DEFAULT.hold
     """Voltage between samples: zero-order hold, first-order hold, or `auto` (the data decide)."""
     temperatures: list[Finite] = Field(
@@ -97,9 +97,9 @@ class FitOptionsIn(Documented):
     """Time after which the fit stops with its current result [s]; the result then depends on the
     machine."""
     set_aside: bool = _DEFAULT.set_aside
-    """Whether runs that contradict physics or the other runs are excluded."""
+    """True if runs that contradict physics or the other runs are excluded."""
     force: bool = _DEFAULT.force
-    """Whether to fit contradictory runs; the result is marked."""
+    """True to fit contradictory runs; the result is marked."""
     known: list[Word] = Field(
         default=list(_DEFAULT.known), max_length=7, examples=[["Kt25=0.048+-5%", "L=2.9e-3"]]
     )

@@ -107,7 +107,7 @@ class PreviewOut(Documented):
     """Preview of a run file; docs/cli.md describes `motorid check`."""
 
     accepted: bool
-    """Whether a fit would accept the file as it is."""
+    """True if a fit would accept the file as it is."""
     runs: list[dict[str, Any]]
     """The run with its channels (column, unit, scale, offset), gaps, excitation and warnings; empty
     if the file cannot be read."""

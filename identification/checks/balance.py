@@ -325,7 +325,7 @@ def _windows(signals: Signals, length: int) -> Windows:
 
 
 def reverses(signal: Array) -> bool:
-    """Whether a signal has both signs, the weaker one by more than a tenth of the stronger."""
+    """True if a signal has both signs, the weaker one by more than a tenth of the stronger."""
     high, low = float(np.max(signal)), float(np.min(signal))
     return min(high, -low) > 0.1 * max(high, -low)
 

@@ -99,12 +99,12 @@ class Estimate:
 
     @property
     def is_long(self) -> bool:
-        """Whether there are enough windows to trust the standard errors."""
+        """True if there are enough windows to trust the standard errors."""
         return self.windows >= _MANY_WINDOWS
 
     @property
     def is_sound(self) -> bool:
-        """Whether the balances hold well enough to compare the coefficients."""
+        """True if the balances hold well enough to compare the coefficients."""
         return (
             self.missed < _CLEAN
             and self.resistance > 0.0

@@ -97,7 +97,7 @@ class _Judged:
 
     @property
     def is_backwards(self) -> bool:
-        """Whether the mechanical balance holds only with negative inertia and friction."""
+        """True if the mechanical balance holds only with negative inertia and friction."""
         return self.inertia_turned and self.friction_turned and self.mechanical < _HOLDS
 
 

@@ -138,7 +138,7 @@ class Task(Conditions):
     models: tuple[DesignModel, ...]
     """Final model and its alternatives, or the same motor with several guesses."""
     are_rivals: bool
-    """Whether the models exclude each other, so that the run has to separate them."""
+    """True if the models exclude each other, so that the run has to separate them."""
     quantity: Quantity | None
     """Quantity to narrow; None for all parameters."""
     limits: Limits

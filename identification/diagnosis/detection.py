@@ -77,7 +77,7 @@ class ChannelCheck:
 
     @property
     def is_too_large(self) -> bool:
-        """Whether the residual exceeds the limit of the noise."""
+        """True if the residual exceeds the limit of the noise."""
         return self.noise_ratio > self.noise_ratio_limit
 
 

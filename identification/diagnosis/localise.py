@@ -84,7 +84,7 @@ class Deficiency:
     p_value: float
     """Probability of at least this gain for a complete model."""
     significant: bool
-    """Whether `p_value` is below half of `LEVEL`."""
+    """True if `p_value` is below half of `LEVEL`."""
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,7 @@ class AbstractEffect(AbstractTerm):
 
     @property
     def is_local(self) -> bool:
-        """Whether the term applies only to the runs or times in which it was found."""
+        """True if the term applies only to the runs or times in which it was found."""
         return self.scope != "all runs"
 
     @property
@@ -270,7 +270,7 @@ class Candidate:
 
     @property
     def can_rest(self) -> bool:
-        """Whether the term has neutral values, at which it leaves the model unchanged."""
+        """True if the term has neutral values, at which it leaves the model unchanged."""
         sampled = AbstractDelay | AbstractHold | AbstractMean | AbstractSampleFilter
         if self.term.states or isinstance(self.term, sampled):
             return False
@@ -287,7 +287,7 @@ class Candidate:
 
     @property
     def by_run(self) -> bool:
-        """Whether the term is simulated in all runs at once and scored for each run."""
+        """True if the term is simulated in all runs at once and scored for each run."""
         return isinstance(self.term, AbstractRunEffect) and not self.term.runs
 
     def in_runs(self, run: int, *others: int) -> Candidate:
@@ -302,7 +302,7 @@ class Candidate:
 
     @property
     def by_record(self) -> bool:
-        """Whether the amplitudes are free in each record."""
+        """True if the amplitudes are free in each record."""
         return bool(self.final.states) and self.final is not self.term
 
 

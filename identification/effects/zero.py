@@ -34,7 +34,7 @@ class _ZeroError(AbstractEffect):
     size: float
     """Scale of the channel, in its unit."""
     drifts: bool = False
-    """Whether the error changes linearly with the run number."""
+    """True if the error changes linearly with the run number."""
 
     equation = "sensor"
     drivers = ()
@@ -101,7 +101,7 @@ class CurrentOffset(_SensorZero):
     """
 
     own: bool = False
-    """Whether the error is free in each record."""
+    """True if the error is free in each record."""
 
     name = "current_offset"
     amplitude_scale = "size"

@@ -75,7 +75,7 @@ class ExportFormat:
 
     write: Writer
     is_linear: bool = False
-    """Whether the file holds linear models at temperatures, with samples of the parameters."""
+    """True if the file holds linear models at temperatures, with samples of the parameters."""
 
 
 def export(

@@ -94,7 +94,7 @@ def _least_inductance(records: Sequence[Record], values: Array) -> float:
 
 
 def _is_sharp(fit: Fit) -> bool:
-    """Whether the resistance is well determined, so that a distant second optimum is unlikely.
+    """True if the resistance is well determined, so that a distant second optimum is unlikely.
 
     A loop that holds one speed excites the winding little.  A resistance without inductance then
     fits nearly as well as the correct one.

@@ -72,7 +72,7 @@ def current_gains(declared: Fit, campaign: Campaign) -> tuple[GainRatio, ...]:
 
 
 def _is_suspected(declared: Fit, campaign: Campaign) -> bool:
-    """Whether the regression of measured on simulated current indicates a gain in any run."""
+    """True if the regression of measured on simulated current indicates a gain in any run."""
     simulated = [*simulate_fitted(declared), *simulate_unseen(declared, campaign.validation)]
     if len({one.record.run for one in simulated}) < 2:
         return False

@@ -67,14 +67,14 @@ class Precision:
 
     @property
     def identified(self) -> bool:
-        """Whether the data determine the parameter."""
+        """True if the data determine the parameter."""
         return bool(self.sd < self.limit)
 
 
 def identified(
     fit: Fit, fraction: float, added: Array | None = None, *, by_runs: bool = False
 ) -> dict[str, bool]:
-    """Whether the data, with the known values, determine each parameter; see `precision_of`."""
+    """True if the data, with the known values, determine each parameter; see `precision_of`."""
     found = precision_of(fit, fraction, added, by_runs=by_runs)
     return {name: precision.identified for name, precision in found.items()}
 

@@ -69,11 +69,11 @@ class Comparison:
     distance: float
     """Difference over the combined standard deviation, z [-]."""
     unfitted: bool = False
-    """Whether no fit was found with it and the other known values."""
+    """True if no fit was found with it and the other known values."""
 
     @property
     def contradicts(self) -> bool:
-        """Whether the difference is significant."""
+        """True if the difference is significant."""
         return abs(self.distance) > LIMIT
 
 

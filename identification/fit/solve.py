@@ -76,7 +76,7 @@ class TerminationLimits:
 
     @property
     def over(self) -> bool:
-        """Whether the budget is spent."""
+        """True if the budget is spent."""
         return self.budget is not None and self.budget.spent
 
     def enough(self, cost: float) -> float:
@@ -99,7 +99,7 @@ class Fit:
     """Negative log posterior, up to a constant."""
     equations: NormalEquations
     converged: bool
-    """Whether the predicted gain of another step is negligible."""
+    """True if the predicted gain of another step is negligible."""
 
     @property
     def values(self) -> Array:

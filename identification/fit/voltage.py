@@ -123,7 +123,7 @@ def coarse_voltage_warnings(runs: Sequence[Run], final: Fit) -> tuple[ResultWarn
 
 
 def _matters(declared: Fit, smooth: Sequence[Record]) -> bool:
-    """Whether the removed noise changes the simulated current or speed."""
+    """True if the removed noise changes the simulated current or speed."""
     values = declared.values
     simulator = Simulator.fitting(declared.simulator.model, smooth, values)
     logged = simulator.logged(values[:, None], declared.states)

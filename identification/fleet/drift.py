@@ -44,7 +44,7 @@ class Drift:
     """Two-sided p-value of this comparison; `drifts` replaces it by the p-value adjusted over the
     whole table."""
     is_significant: bool | None = None
-    """Whether the adjusted p-value is at most `FALSE_DISCOVERY_RATE`; None before the adjustment
+    """True if the adjusted p-value is at most `FALSE_DISCOVERY_RATE`; None before the adjustment
     and if there is no p-value."""
 
 

@@ -72,7 +72,7 @@ class Explanation:
     differing: tuple[str, ...] = ()
     """Effects that only one of the two final models has."""
     is_significant: bool | None = None
-    """Whether the adjusted p-value is at most the false discovery rate."""
+    """True if the adjusted p-value is at most the false discovery rate."""
 
     @property
     def cause(self) -> str:

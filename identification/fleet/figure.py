@@ -63,7 +63,7 @@ class Mark:
 
     @property
     def is_significant(self) -> bool:
-        """Whether the change since the last refit is significant."""
+        """True if the change since the last refit is significant."""
         return self.drift is not None and self.drift.is_significant is True
 
 

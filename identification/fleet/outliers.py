@@ -62,7 +62,7 @@ class Spread:
     include the motor's own [-]; None if not comparable."""
 
     def is_outlier(self, index: int) -> bool:
-        """Whether the motor at index `index` of the fleet is an outlier."""
+        """True if the motor at index `index` of the fleet is an outlier."""
         score = self.scores[index]
         return self.count >= LEAST_MOTORS and score is not None and abs(score) > THRESHOLD
 

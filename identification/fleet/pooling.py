@@ -64,7 +64,7 @@ class Pool:
     """Parameter, or effect and parameter such as ``brush_drop.voltage``."""
     unit: str
     is_relative: bool
-    """Whether the spread is that of the logarithm [-], not in the unit."""
+    """True if the spread is that of the logarithm [-], not in the unit."""
     count: int
     """Number of motors whose estimates are pooled."""
     left_out: tuple[int, ...]

@@ -37,7 +37,7 @@ class Estimate:
     q05: float | None
     q95: float | None
     is_identified: bool
-    """Whether the data identify it; a known value alone does not count."""
+    """True if the data identify it; a known value alone does not count."""
 
     @property
     def usable(self) -> tuple[float, float] | None:

@@ -102,7 +102,7 @@ def _found_period(
 
 
 def _explains(period: float, steps: Array) -> bool:
-    """Whether there are jumps by a period, and the steps without them are like the others."""
+    """True if there are jumps by a period, and the steps without them are like the others."""
     jumps = np.abs(steps) > 0.5 * period
     if not np.any(jumps):
         return False

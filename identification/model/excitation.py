@@ -47,7 +47,7 @@ class Record:
     """(n_sample, 2) sample weights: 0 where a channel was clipped or held, else 1; `within`
     rescales them."""
     angle_logged: bool = False
-    """Whether the angle was logged; else it is the integral of the logged speed."""
+    """True if the angle was logged; else it is the integral of the logged speed."""
     expected: float | None = None
     """Expected temperature of a run without a logged one, else None [degC].  The temperature input
     is then a ramp by `RAMP` around this value."""

@@ -40,7 +40,7 @@ class MisfitLoop:
     columns: tuple[int, ...]
     """Columns of the inputs on which the model depends."""
     weighted: bool
-    """Whether each row holds a weight for each channel."""
+    """True if each row holds a weight for each channel."""
 
     def rows(
         self, inputs: Array, measured: Array, weights: Array, substeps: Substeps | None = None
@@ -107,7 +107,7 @@ def misfit_loop(
 
 
 def is_slow(record: Record) -> bool:
-    """Whether sampling is uniform and the temperature nearly linear over every `STRIDE` rows."""
+    """True if sampling is uniform and the temperature nearly linear over every `STRIDE` rows."""
     if record.rows < 3:
         return False
     rows = np.arange(record.rows - 1)

@@ -50,7 +50,7 @@ class Parameter:
 
     @property
     def vanishes(self) -> bool:
-        """Whether the neutral value is zero, as for the size of an effect or an asymmetry."""
+        """True if the neutral value is zero, as for the size of an effect or an asymmetry."""
         return self.search == "linear" and self.prior_mean == 0.0
 
 

@@ -188,7 +188,7 @@ class Simulator:
     def differs_from(
         self, other: Simulator, values: Array, states: Sequence[Array], deviation: Array
     ) -> bool:
-        """Whether a channel differs by an RMS of more than a twentieth of the noise."""
+        """True if a channel differs by an RMS of more than a twentieth of the noise."""
         mine, others = (one.logged(values[:, None], states) for one in (self, other))
         squares = squares_of(
             self.records, [(a - b)[:, :, 0] for a, b in zip(mine, others, strict=True)]

@@ -129,7 +129,7 @@ def advance(
 def _is_curved(
     rates: Expression, state: Expression, inputs: Expression, *, is_averaged: bool
 ) -> bool:
-    """Whether the rates are nonlinear in the state or in inputs that vary within an interval."""
+    """True if the rates are nonlinear in the state or in inputs that vary within an interval."""
     names = ("voltage", "time") if is_averaged else ("voltage", "time", "angle")
     moving = [inputs[k] for k, name in enumerate(INPUTS) if name in names]
     moved = ca.vertcat(state, *moving)

@@ -56,7 +56,7 @@ class StepPlan:
     are equal."""
 
     def suits(self, rate: float) -> bool:
-        """Whether the plan covers h |A| of `rate` without covering more than five times that."""
+        """True if the plan covers h |A| of `rate` without covering more than five times that."""
         return 0.2 * self.rate <= rate <= self.rate
 
 

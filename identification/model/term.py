@@ -85,10 +85,10 @@ class State:
     scale: float = 30.0
     """Prior standard deviation of the initial value of a state that starts at zero [unit]."""
     is_own: bool = False
-    """Whether the state is a per-record amplitude: constant, or the initial value of a transient
+    """True if the state is a per-record amplitude: constant, or the initial value of a transient
     that no input drives."""
     fades: bool = False
-    """Whether the influence of the initial value decays long before the record ends, as in a
+    """True if the influence of the initial value decays long before the record ends, as in a
     filter; later samples carry no information about it."""
 
 

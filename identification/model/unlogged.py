@@ -61,7 +61,7 @@ class Unlogged:
     """Run whose mid-run temperature is fixed at `expected`; None if any run has a logged
     temperature."""
     is_relative: bool = False
-    """Whether the logged temperatures, if any, span too little to determine the temperature
+    """True if the logged temperatures, if any, span too little to determine the temperature
     coefficients."""
 
     @property

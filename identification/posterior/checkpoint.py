@@ -68,7 +68,7 @@ class Checkpoint:
         return None
 
     def is_due(self) -> bool:
-        """Whether the shortest time between two saves has passed."""
+        """True if the shortest time between two saves has passed."""
         return time.monotonic() - self._saved >= self._interval_s
 
     def save(self, key: str, state: Mapping[str, NDArray[Any]]) -> None:

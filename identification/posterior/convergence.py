@@ -55,7 +55,7 @@ class Convergence:
     r_hat_max: float
     """Largest split R-hat over the dimensions [-]."""
     reached: bool
-    """Whether the chain has the required number of autocorrelation times, and R-hat is at most
+    """True if the chain has the required number of autocorrelation times, and R-hat is at most
     `LARGEST_R_HAT`."""
 
 

@@ -52,7 +52,7 @@ class Weighted:
 
     @property
     def is_reliable(self) -> bool:
-        """Whether the points represent the posterior."""
+        """True if the points represent the posterior."""
         return self.shape <= largest_shape(self.draws)
 
 

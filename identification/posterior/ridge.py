@@ -60,7 +60,7 @@ class Ridge:
 
     @property
     def is_straight(self) -> bool:
-        """Whether the ridge needs no shear."""
+        """True if the ridge needs no shear."""
         return self.abscissae.size < 2
 
     def bent(self, straight: Array) -> Array:

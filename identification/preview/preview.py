@@ -64,7 +64,7 @@ class Preview:
 
     @property
     def is_accepted(self) -> bool:
-        """Whether `identify` would accept the files as they are."""
+        """True if `identify` would accept the files as they are."""
         return not self.errors and not any(f.severity == "refuse" for f in self.findings)
 
     def mapping(self) -> dict[str, object]:

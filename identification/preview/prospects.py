@@ -86,7 +86,7 @@ class Prospect:
     """Standard deviation that a fit of all runs can reach; infinite if the runs contain no
     information on it [unit]."""
     identified: bool
-    """Whether this precision satisfies the criterion of the result."""
+    """True if this precision satisfies the criterion of the result."""
     advice: str = ""
     """What to record so that it does; empty if it does."""
 

@@ -164,7 +164,7 @@ def loop_sentence(result: Entry) -> str:
 
 
 def is_left_open(result: Entry, ends: Sequence[Entry], name: str) -> bool:
-    """Whether a closed-loop figure is uncertain because a parameter is not identified.
+    """True if a closed-loop figure is uncertain because a parameter is not identified.
 
     If all parameters are identified, a wide interval is still a measurement.
     """

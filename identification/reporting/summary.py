@@ -78,7 +78,7 @@ def _campaign(runs: Sequence[Entry]) -> str:
 
 
 def _was_fitted(run: Entry, runs: Sequence[Entry]) -> bool:
-    """Whether a run holds the same samples as a training run."""
+    """True if a run holds the same samples as a training run."""
     place = run.get("same_as")
     return place is not None and runs[place]["role"] == "training"
 
@@ -221,7 +221,7 @@ def identified_sentence(result: Entry) -> str:
 
 
 def is_incomplete(result: Entry) -> bool:
-    """Whether the final model leaves more than sensor noise on the training runs."""
+    """True if the final model leaves more than sensor noise on the training runs."""
     remaining = result["diagnosis"].get("remaining") or {}
     return any(
         not check["passed"] and check["role"] == "training" for check in remaining.get("checks", [])

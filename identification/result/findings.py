@@ -231,7 +231,7 @@ class Findings:
     localisation: Localisation | None
     """Missing voltage and torque of the nominal model, None if not estimated."""
     interrupted: bool
-    """Whether the time limit stopped a stage."""
+    """True if the time limit stopped a stage."""
     omitted: tuple[OmittedTerm, ...]
     """Terms that are not in the final model and could change its parameters."""
     admission: Admission
@@ -241,11 +241,11 @@ class Findings:
 
     @cached_property
     def known(self) -> dict[str, bool]:
-        """Whether the data identify each parameter of the final model, omitted terms considered."""
+        """True if the data identify each parameter of the final model, omitted terms considered."""
         final = self.analysis.final
         return identified(final, self.fraction, consider_variances(final, self.omitted))
 
     @property
     def has_effects(self) -> bool:
-        """Whether the final model contains effects."""
+        """True if the final model contains effects."""
         return self.analysis.outcome is not None and bool(self.analysis.outcome.effects)

@@ -69,7 +69,7 @@ class Prior(ResultObject):
     used: bool
     """False if the runs contradict the known value."""
     identified_by_runs: bool
-    """Whether the runs alone determine the parameter."""
+    """True if the runs alone determine the parameter."""
 
 
 class Parameter(Quantity):

@@ -302,7 +302,7 @@ class Result(ResultObject):
     """Findings of the checks of the runs before the fit, and implausible time constants of the
     fitted motor."""
     forced: bool = ABSENT
-    """Whether contradictory runs were fitted with --force."""
+    """True if contradictory runs were fitted with --force."""
     set_aside: list[SetAside] = ABSENT
     """Runs that were set aside because of a contradiction."""
     warnings: list[Text]

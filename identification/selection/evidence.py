@@ -98,7 +98,7 @@ class EvaluatedModel:
 
     @property
     def is_computed(self) -> bool:
-        """Whether cost and normal equations are finite; other models are never selected."""
+        """True if cost and normal equations are finite; other models are never selected."""
         return bool(np.isfinite(self.fit.cost)) and self.fit.equations.is_finite
 
     def is_undecided(self, simpler: Fit) -> bool:
@@ -189,7 +189,7 @@ class EvaluatedModel:
         return term.heats and median_start(self.fit, term, sd) < _COLD_K
 
     def predicts_worse(self, other: EvaluatedModel, policy: SelectionPolicy) -> bool:
-        """Whether the validation runs prefer the other model as clearly as they must an effect."""
+        """True if the validation runs prefer the other model as clearly as they must an effect."""
         edges = common_edges([self.fit, other.fit])
         own, other = self.within(edges), other.within(edges)
         if own.unseen is None or other.unseen is None:
@@ -329,7 +329,7 @@ def replaces(curve: EvaluatedModel, listed: EvaluatedModel, policy: SelectionPol
 
 
 def is_at_bound(fit: Fit, policy: SelectionPolicy) -> bool:
-    """Whether a defining shape parameter of an effect may lie beyond a bound of its range.
+    """True if a defining shape parameter of an effect may lie beyond a bound of its range.
 
     Example: a drag at the largest allowed exponent is more curved than real drag.  The data require
     another law, with which the drag is confounded.

@@ -119,7 +119,7 @@ class Searched:
     criteria: AcceptanceCriteria | None
     """Acceptance criteria after the refit; None without a refit."""
     chosen: bool
-    """Whether the candidate was accepted in that round."""
+    """True if the candidate was accepted in that round."""
     detail: str = ""
     """Variant of the effect type, for example the channel or the run."""
     flaw: str = ""
@@ -136,7 +136,7 @@ class Outcome:
     """Its effects, the largest gain first."""
     searched: tuple[Searched, ...]
     complete: bool = True
-    """Whether the search ended by itself and not because its budget was spent."""
+    """True if the search ended by itself and not because its budget was spent."""
     traces: tuple[Trace, ...] = ()
     """Curves of what the nominal model lacks over single signals, best first; empty if no effect
     was accepted."""

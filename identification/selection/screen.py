@@ -77,7 +77,7 @@ def _coarse(fit: Fit, substeps: int) -> Fit:
 
 
 def _is_within_residual(coarse: Fit) -> bool:
-    """Whether the integration error of a simulation is smaller than the residual of its fit."""
+    """True if the integration error of a simulation is smaller than the residual of its fit."""
     records, fitted = coarse.simulator.records, coarse.equations.logged
     errors = [a - b for a, b in zip(coarse.simulated(), fitted, strict=True)]
     residuals = [record.measured - b for record, b in zip(records, fitted, strict=True)]

@@ -178,7 +178,7 @@ def traded(fit: Fit, candidate: Candidate) -> list[Start]:
 
 
 def has_odd_coefficients(fit: Fit) -> bool:
-    """Whether a temperature coefficient is more than one prior sd off its prior mean."""
+    """True if a temperature coefficient is more than one prior sd off its prior mean."""
     return any(
         parameter.name in ("alpha_Ra", "alpha_Kt")
         and abs(value - parameter.prior_mean) > parameter.prior_sd * parameter.scale

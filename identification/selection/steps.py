@@ -155,13 +155,13 @@ def _with_worthwhile_gain(
 
 
 def has_predicted_gain(state: State) -> bool:
-    """Whether the predicted gain of any candidate justifies a refit."""
+    """True if the predicted gain of any candidate justifies a refit."""
     scores = state.trials.scores(state.current)
     return bool(_with_worthwhile_gain(state.trials, state.current, scores, 1))
 
 
 def lacks_more(state: State) -> bool:
-    """Whether a candidate has a larger predicted gain than the effect that was added last had.
+    """True if a candidate has a larger predicted gain than the effect that was added last had.
 
     Backward elimination and exchange are then postponed.
     """

@@ -51,7 +51,7 @@ def acting_terms(model: MotorModel) -> tuple[AbstractTerm, ...]:
 
 
 def _belongs_to_a_run(term: AbstractTerm) -> bool:
-    """Whether the equations of the term depend on the time in a run or on the run's index."""
+    """True if the equations of the term depend on the time in a run or on the run's index."""
     alone = MotorModel((term,))
     x, u, p = alone.symbols()
     moments = ca.vertcat(u[INPUTS.index("time")], u[INPUTS.index("run")])
@@ -71,7 +71,7 @@ class ClosedLoop(MotorModel):
 
     @cached_property
     def turns(self) -> bool:
-        """Whether an effect depends on the shaft angle."""
+        """True if an effect depends on the shaft angle."""
         return any("position" in term.drivers for term in self.terms)
 
     @cached_property

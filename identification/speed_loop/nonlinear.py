@@ -225,7 +225,7 @@ def _events(run: LoopRun, step: float) -> StepMetrics:
 
 
 def _agree(coarse: StepMetrics, fine: StepMetrics) -> bool:
-    """Whether halving the interval changes the metrics by at most 0.1 % in 90 % of the draws."""
+    """True if halving the interval changes the metrics by at most 0.1 % in 90 % of the draws."""
     for name in ("rise_time", "settling_time", "steady_state"):
         a, b = getattr(coarse, name), getattr(fine, name)
         both = np.isfinite(a) & np.isfinite(b)

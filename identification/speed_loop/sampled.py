@@ -30,7 +30,7 @@ _HALVINGS: Final = 40
 
 
 def is_at_rest(speed: Array) -> Bool:
-    """Whether each response (n_time, n_loop), sampled uniformly, has settled at its final value."""
+    """True if each response (n_time, n_loop), sampled uniformly, has settled at its final value."""
     last, before = ends(speed)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(last - before) <= _STILL * np.maximum(np.abs(last), _LEAST_FINAL))

@@ -67,7 +67,7 @@ class StepResponse:
 
     @property
     def is_stable(self) -> Bool:
-        """Whether all poles of each loop have a negative real part, (n_loop,)."""
+        """True if all poles of each loop have a negative real part, (n_loop,)."""
         return np.asarray((self.poles.real < 0).all(axis=1))
 
     def at(self, time: Array) -> Array:

@@ -204,7 +204,7 @@ def collinear(basis: Array, signals: Array) -> tuple[Array, Array]:
 
 
 def is_formed(basis: Array, signal: Array) -> bool:
-    """Whether a signal (n_sample,) lies in the span of a basis (n_sample, n_function), as above."""
+    """True if a signal (n_sample,) lies in the span of a basis (n_sample, n_function), as above."""
     inside = _orthonormal(basis).T @ signal
     return bool(inside @ inside > _SAME * (signal @ signal))
 

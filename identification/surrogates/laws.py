@@ -61,7 +61,7 @@ class AngularFriction(AbstractForced, AbstractTorque):
     turning: float
     """Speed scale [rad/s]."""
     free: bool = True
-    """Whether the amplitudes are per-record states; if not, they are parameters, as the score test
+    """True if the amplitudes are per-record states; if not, they are parameters, as the score test
     requires."""
 
     name = "unlisted"

@@ -49,7 +49,7 @@ class _Ripple(AbstractForced):
     duration: float
     """Duration T of the longest record [s]."""
     free: bool = True
-    """Whether the amplitudes are per-record states; if not, they are parameters, as the score test
+    """True if the amplitudes are per-record states; if not, they are parameters, as the score test
     requires."""
 
     name = "unlisted"

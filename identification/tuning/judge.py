@@ -39,7 +39,7 @@ class Judgement:
     slack: dict[str, Array]
     """For each required metric its distance from the limit, of the same shape [-]."""
     limited: Bool
-    """Whether voltage or current reach their limit, of the same shape."""
+    """True if voltage or current reach their limit, of the same shape."""
     peak_current: Array
     """Largest current, of the same shape [A]."""
     peak_voltage: Array

@@ -35,9 +35,9 @@ class Metric:
 
     unit: str
     is_upper: bool
-    """Whether the requirement is an upper limit."""
+    """True if the requirement is an upper limit."""
     is_margin: bool = False
-    """Whether it is a margin of the linear loop; others come from the simulation."""
+    """True if it is a margin of the linear loop; others come from the simulation."""
 
     def slack(self, values: Array, limit: float) -> Array:
         """Distance of values from the limit, relative to it; negative if it is not met [-].

@@ -16,7 +16,7 @@ _LEAST_RISE: Final = 0.02
 def statement(
     entry: Mapping[str, Any], probability: float, step: float, reach: float | None
 ) -> str:
-    """Whether a controller meets the specification, by how much not, and where.
+    """Sentences: if a controller meets the specification, by how much it does not, and where.
 
     `step` is the step of the reference, `reach` the steady speed that the drive reaches, None
     without limits [rad/s].

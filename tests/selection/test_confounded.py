@@ -39,7 +39,7 @@ def interval(fit: Fit, name: str) -> tuple[float, float]:
 
 
 def is_identified(fit: Fit, name: str) -> bool:
-    """Whether a parameter is identified in spite of its confounding."""
+    """True if a parameter is identified in spite of its confounding."""
     variances = consider_variances(fit, confounded_terms(fit))
     return identified(fit, effective_fraction(fit), variances)[name]
 
