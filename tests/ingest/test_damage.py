@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import gzip
+import re
 import tempfile
 from pathlib import Path
 
@@ -114,6 +115,21 @@ def test_sizes_that_do_not_fit_into_the_memory_are_a_fault_of_the_file() -> None
     with pytest.raises(errors.OutOfMemory, match="a TDMS file.*needs more memory than there is"):
         with decoding("a TDMS file"):
             raise MemoryError
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("/var/lib/motorid/files 1/ab/run.mf4 is no valid file", "(run.mf4 is no valid file)"),
+        (r"cannot open 'C:\Users\max\run.mf4'", "(cannot open 'run.mf4')"),
+        ("a speed in rad/s, a slope in m/s", "(a speed in rad/s, a slope in m/s)"),
+    ],
+)
+def test_error_of_a_library_shows_no_folders(said: str, told: str) -> None:
+    """Someone who uploads a file learns nothing of the folders of the service."""
+    with pytest.raises(errors.DamagedFile, match=re.escape(told)):
+        with decoding("an MDF file"):
+            raise ValueError(said)
 
 
 def test_cut_binary_file_is_never_read_as_whole(tmp_path: Path) -> None:

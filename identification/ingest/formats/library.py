@@ -36,6 +36,10 @@ _FAULTS = (
     zlib.error,
 )
 
+_FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:)?[/\\](?:[^/\\'\"]+[/\\])+")
+"""Folders of an absolute path, which a library puts into its errors: those of the service are not
+for those who upload."""
+
 
 def imported(module: str, what: str) -> ModuleType:
     """Import the library of a format; `what` names the file in the message, ``a Parquet file``.
@@ -80,7 +84,8 @@ def decoding(what: str, faults: tuple[type[Exception], ...] = ()) -> Iterator[No
         ) from error
     except _FAULTS + faults as error:
         _destroy(error)
-        reason = plain(" ".join(str(error).split()) or type(error).__name__, 120)
+        said = _FOLDERS.sub("", " ".join(str(error).split()))
+        reason = plain(said or type(error).__name__, 120)
         raise DamagedFile(
             f"this looks like {what}, and its content cannot be decoded ({reason}); copy or export "
             "the file again"
