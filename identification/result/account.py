@@ -101,9 +101,9 @@ def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
 def _found_sentence(found: Found, term: AbstractEffect) -> str:
     if found.name == "unlisted":
         drivers = " and ".join(term.drivers) or "no driver"
-        missing = "voltage" if term.equation == "electrical" else "torque"
+        missing = {"electrical": "voltage", "mechanical": "torque"}.get(term.equation, "part")
         is_law = isinstance(term, LAWS)
-        form = f"the law of a {term.variant}" if is_law else f"a curve over {drivers}"
+        form = f"the law “{term.variant}”" if is_law else f"a curve over {drivers}"
         text = (
             f"No effect of the catalogue explains the missing {missing} of the {term.equation} "
             f"equation; {form} represents it."

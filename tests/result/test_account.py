@@ -14,6 +14,7 @@ from identification.result.models import searched_entries
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
 from identification.surrogates.curves import MissingVoltage
+from identification.surrogates.thermometer import ThermometerError
 
 PASSED = AcceptanceCriteria(900.0, 12.0, 0.7, 0.6, 0.6, 800.0, False)
 CHANCE = AcceptanceCriteria(3.0, 12.0, 0.001, 0.0, 0.0, 0.0, False)
@@ -109,6 +110,15 @@ def test_an_unlisted_effect_is_described_by_its_own_attributes() -> None:
     assert "No effect of the catalogue explains the missing voltage of the electrical" in told
     assert "a curve over current and speed" in told
     assert account.candidates[0].equation == "electrical"
+
+
+def test_a_law_outside_the_catalogue_is_described_by_its_name() -> None:
+    """A law of temperatures lacks neither a voltage nor a torque."""
+    account = account_of(outcome("unlisted"), result(), fit_with(ThermometerError(4.0)))
+
+    assert account is not None
+    told = " ".join(account.sentences)
+    assert "the missing part of the thermal equation; the law “error of the logged" in told
 
 
 def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
