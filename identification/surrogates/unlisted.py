@@ -15,7 +15,6 @@ from identification.surrogates.laws import (
     SupplySag,
 )
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple, SpeedRipple
-from identification.surrogates.thermometer import ThermometerError
 
 __all__ = ["LAWS", "SURROGATES"]
 
@@ -31,10 +30,5 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
 )
 """Terms that the search tries if no effect of its catalogue explains the residual."""
 
-LAWS: Final[tuple[type[AbstractEffect], ...]] = (
-    SupplySag,
-    GearFriction,
-    SpeedRipple,
-    ThermometerError,
-)
+LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag, GearFriction, SpeedRipple)
 """Physical laws outside the catalogue that the search tries together with its effects."""

@@ -14,7 +14,7 @@ from identification.result.models import searched_entries
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
 from identification.surrogates.curves import MissingVoltage
-from identification.surrogates.thermometer import ThermometerError
+from identification.surrogates.gear import GearFriction
 
 PASSED = AcceptanceCriteria(900.0, 12.0, 0.7, 0.6, 0.6, 800.0, False)
 CHANCE = AcceptanceCriteria(3.0, 12.0, 0.001, 0.0, 0.0, 0.0, False)
@@ -113,12 +113,12 @@ def test_an_unlisted_effect_is_described_by_its_own_attributes() -> None:
 
 
 def test_a_law_outside_the_catalogue_is_described_by_its_name() -> None:
-    """A law of temperatures lacks neither a voltage nor a torque."""
-    account = account_of(outcome("unlisted"), result(), fit_with(ThermometerError(4.0)))
+    """The name of a law needs no article, and no curve is said to represent it."""
+    account = account_of(outcome("unlisted"), result(), fit_with(GearFriction(1.0, 100.0)))
 
     assert account is not None
     told = " ".join(account.sentences)
-    assert "the missing part of the thermal equation; the law “error of the logged" in told
+    assert "the law “friction in proportion to the load of a gear” represents it" in told
 
 
 def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
