@@ -102,7 +102,7 @@ def test_table_without_samples_is_refused_in_little_time(tmp_path: Path, cell: s
     path = tmp_path / "run.csv"
     plain = seconds_of_refusal(path, "a" * 100)
 
-    assert seconds_of_refusal(path, cell) < 8.0 * plain
+    assert seconds_of_refusal(path, cell) < 5.0 * plain
 
 
 def test_header_of_many_blanks_at_the_limit_is_read(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from identification.result.models import searched_entries
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Alternative, Found, Outcome, Searched
 from identification.surrogates.curves import MissingVoltage
-from identification.surrogates.gear import GearFriction
+from identification.surrogates.ripple import SpeedRipple
 
 PASSED = AcceptanceCriteria(900.0, 12.0, 0.7, 0.6, 0.6, 800.0, False)
 CHANCE = AcceptanceCriteria(3.0, 12.0, 0.001, 0.0, 0.0, 0.0, False)
@@ -113,12 +113,13 @@ def test_an_unlisted_effect_is_described_by_its_own_attributes() -> None:
 
 
 def test_a_law_outside_the_catalogue_is_described_by_its_name() -> None:
-    """The name of a law needs no article, and no curve is said to represent it."""
-    account = account_of(outcome("unlisted"), result(), fit_with(GearFriction(1.0, 100.0)))
+    """A law of a sensor explains no torque."""
+    ripple = SpeedRipple(logged=False, harmonics=2, ratio=1.0)
+    account = account_of(outcome("unlisted"), result(), fit_with(ripple))
 
     assert account is not None
     told = " ".join(account.sentences)
-    assert "the law “friction in proportion to the load of a gear” represents it" in told
+    assert "the missing part of the sensor equation; the law “ripple of the speed sensor" in told
 
 
 def test_candidates_begin_with_the_final_model_however_it_was_reached() -> None:
