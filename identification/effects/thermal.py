@@ -144,8 +144,7 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
         return states.rise + states.rise_2 if self.bodies > 1 else states.rise
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
-        heat = signals.temperature + self._rise(states) - 25
-        loss = values.Ra25 * (1 + values.alpha_Ra * heat) * signals.current**2
+        loss = signals.resistance * signals.current**2
         warm = loss
         if self.is_iron:
             warm = warm + values.iron * (signals.speed / self.speed_size) ** 2

@@ -242,6 +242,7 @@ class MotorModel:
                 lost += term.voltage(signals, s, v)
         resistance = coefficient_at(values.Ra25, values.alpha_Ra, winding) * factor["Ra"]
         constant = coefficient_at(values.Kt25, values.alpha_Kt, magnet) * factor["Kt"]
+        signals = replace(signals, resistance=resistance)
         current, speed = signals.current, signals.speed
         net = constant * current - values.b * factor["b"] * speed + torque
         torque += sum(

@@ -116,6 +116,9 @@ class Signals:
     """Time derivative of the logged temperature, smoothed [K/s]."""
     winding_temperature: Expression = None
     """Effective temperature of the winding [degC]."""
+    resistance: Expression = None
+    """Armature resistance at this temperature, with the factors of all terms [ohm]; known to the
+    rates of the terms' own states only."""
     turn: Expression = None
     """Change of the angle over an integration step, for torques that are averages over it; None for
     instantaneous ones [rad]."""

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from identification.effects.effect import effects_of
 from identification.effects.lag import WindingLag
-from identification.effects.thermal import SelfHeating
+from identification.effects.thermal import ResistanceCurvature, SelfHeating
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.fit.solve import TerminationLimits
 from identification.ingest.run import Run
-from identification.model.composite import MotorModel
+from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import records_of
 from identification.model.simulate import Simulator, initial_states
 from identification.model.term import AbstractTerm
@@ -45,6 +46,23 @@ def test_a_winding_that_lags_is_heated_by_its_losses_all_the_same() -> None:
 
     np.testing.assert_allclose(both, current(lags, heats), rtol=1e-6, atol=1e-6)
     assert np.abs(both - current(lags)).max() > 0.01 * np.abs(both).max()
+
+
+def test_a_winding_is_heated_by_the_loss_in_the_resistance_that_it_has() -> None:
+    """At steady heat, the rise is the thermal resistance times the loss in the curved Ra."""
+    heats, curves = SelfHeating(1.0, 0.01, 10.0), ResistanceCurvature()
+    model, motor = MotorModel((heats, curves)), motor_named("servo 100 W")
+    values = np.array([*motor.values, 2.0, 0.5, -8e-6])
+    logged, current, rise = 80.0, 1.5, 200.0
+    inputs = np.zeros(len(INPUTS))
+    inputs[INPUTS.index("temperature")] = logged
+    symbols = model.symbols()
+    rates = ca.Function("rates", list(symbols), [model.rates(*symbols)])
+    state = [current, 0.0, rise]
+    found = float(np.asarray(rates(state, inputs, values))[2, 0])
+    warm = logged + rise - 25.0
+    resistance = values[0] * (1.0 + values[1] * warm + values[-1] * warm**2)
+    assert found == pytest.approx((2.0 * resistance * current**2 - rise) / 0.5, rel=1e-12)
 
 
 def warming(motor: Motor, share: float, surroundings: float, seed: int, rows: int = 1500) -> Run:
