@@ -11,6 +11,7 @@ from identification.arrays import Array
 from identification.diagnosis.outliers import outlying_run_warnings, root_mean_square
 from identification.effects.effect import AbstractRunEffect, effects_of, runs_text
 from identification.fit.evaluate import Simulated
+from identification.result.effect_texts import effect_words
 from identification.result.entries import NEAR_NOISE, NOTHING
 from identification.result.findings import (
     CHANNELS,
@@ -18,7 +19,8 @@ from identification.result.findings import (
     ResidualAnalysis,
     channel_errors,
 )
-from identification.result.numbers import number_text, percent_text
+from identification.result.numbers import listed, number_text, percent_text
+from identification.selection.outcome import Outcome
 from identification.warning import ResultWarning
 
 __all__ = [
@@ -40,6 +42,10 @@ _WORSE_FIX: Final = (
 _NOISIER_FIX: Final = (
     "the residual is white, as the noise of a sensor that is noisier in these runs; check its "
     "range, filter and cable"
+)
+_UNSEEN_FIX: Final = (
+    "record a validation run in the condition in which the training runs show it, such as the "
+    "temperature, the load or the speed"
 )
 _WORSE: Final = 1.05
 """Error ratio above which an increase is reported; both models see the same noise, so it is not
@@ -121,7 +127,28 @@ def worse_runs(analysis: ResidualAnalysis) -> list[ResultWarning]:
         return []
     before, after = (analysis.simulated[stage]["validation"] for stage in ("before", "after"))
     names = [found.name for found in analysis.outcome.effects]
-    return [*worse_warnings(before, after, analysis.noise, names), *_changed_runs(analysis, after)]
+    return [
+        *worse_warnings(before, after, analysis.noise, names),
+        *_unconfirmed_effects(analysis.outcome),
+        *_changed_runs(analysis, after),
+    ]
+
+
+def _unconfirmed_effects(outcome: Outcome) -> list[ResultWarning]:
+    """Note on the effects that the validation runs cannot show."""
+    criteria = {found.name: found.criteria for found in outcome.effects}
+    names = [
+        effect_words(name)
+        for name, one in criteria.items()
+        if one.validation is not None and not (one.local or one.is_judged)
+    ]
+    if not names:
+        return []
+    message = (
+        f"the validation runs can neither confirm nor refute {listed(names)}: in their conditions "
+        "it changes the simulation by less than the noise"
+    )
+    return [ResultWarning("effect_not_validated", "note", message, _UNSEEN_FIX)]
 
 
 def _changed_runs(

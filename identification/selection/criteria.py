@@ -8,10 +8,11 @@ criteria.  None of them was tuned on a simulator.
    the logarithm of the number of prototypes tried (union bound).  Gain and N are counted in
    effective samples, to allow for autocorrelated residuals.  The time of an event counts as two
    parameters, since it can be at any sample (Zhang and Siegmund).
-2. *Size.* The simulation error has to fall by at least 2 %, summed over the two channels.  Less
-   than 1 % per channel has no practical use, and other imperfections cause as much: an inexact law,
-   a smoothed temperature.  An accepted effect is not removed under a noise model if the error
-   before whitening falls by as much (`selection/simulation_error.py`).
+2. *Size.* The simulation error of the training or of the validation runs has to fall by at least
+   2 %, summed over the two channels.  Less than 1 % per channel has no practical use, and other
+   imperfections cause as much: an inexact law, a smoothed temperature.  An accepted effect is not
+   removed under a noise model if the error before whitening falls by as much
+   (`selection/simulation_error.py`).
 3. *Validation.* The error of the validation runs has to fall by at least a quarter of its fall in
    training, or of the fall that is certainly possible above the noise if that is smaller.  These
    runs also have to prefer the effect by twenty to one.  An effect of a single run is exempt from
@@ -20,7 +21,9 @@ criteria.  None of them was tuned on a simulator.
    chance be small in the validation runs, which still have to prefer it.  The validation
    noise level is only as certain as the kurtosis of the residual allows: a few outliers raise it
    although no effect is missing.  Per-record amplitudes are fitted to the validation runs, because
-   a phase cannot be predicted.  The falls are fractions of the error, not of its logarithm: that
+   a phase cannot be predicted.  Runs in which the effect would change so little that it cannot be
+   preferred by twenty to one in the mean are no judges of it: they may only not contradict it
+   (decision 0036).  The falls are fractions of the error, not of its logarithm: that
    of an effect that causes nearly all of the training error has no bound, and validation runs with
    an error of their own cannot confirm a quarter of it.
 
@@ -67,6 +70,8 @@ class AcceptanceCriteria:
     tried: int = 1
     """Number of prototypes from which the effect was selected."""
     policy: SelectionPolicy = field(default=DEFAULT, repr=False)
+    expected: float = np.inf
+    """`log_odds` that the validation runs reach in the mean if the fitted effect is true."""
     simulation: float = -np.inf
     """`training` of the error before whitening; minus infinity if it is not whitened [-]."""
 
@@ -76,13 +81,22 @@ class AcceptanceCriteria:
         return not self.refusal
 
     @property
+    def _is_large(self) -> bool:
+        """True if the effect meets the size criterion.
+
+        The parameters of the model without it absorb a part of the effect in the training runs, and
+        cannot in the validation runs, where it may show more.
+        """
+        falls = [self.training, self.validation if self.is_judged else None]
+        return max(fall for fall in falls if fall is not None) > self.policy.least_fall
+
+    @property
     def is_unconfirmed(self) -> bool:
         """True if the effect is significant and large enough, but refused all the same.
 
         The residual then has structure that this effect follows and does not explain.
         """
-        is_found = self.gain > self.needed and self.training > self.policy.least_fall
-        return is_found and not self.passed
+        return self.gain > self.needed and self._is_large and not self.passed
 
     @property
     def is_kept(self) -> bool:
@@ -110,6 +124,21 @@ class AcceptanceCriteria:
         return self.passed or (self.gain > self.needed and is_predicted and not self.flaw)
 
     @property
+    def is_judged(self) -> bool:
+        """True if the validation runs can show the effect."""
+        return self.validation is not None and self.expected >= self.policy.validation_log_odds
+
+    @property
+    def _least_log_odds(self) -> float:
+        """Log odds of the validation runs that the effect has to exceed.
+
+        Those of runs that cannot show it have a mean of `expected` and twice that as variance.
+        """
+        if self.is_judged:
+            return self.policy.validation_log_odds
+        return float(self.expected - self.policy.validation_sd * np.sqrt(2.0 * self.expected))
+
+    @property
     def refusal(self) -> str:
         """The criterion that is not met, in words; empty if all are met."""
         policy = self.policy
@@ -120,7 +149,7 @@ class AcceptanceCriteria:
                 f"not significant: the gain in log likelihood is {self.gain:.1f}; the best of all "
                 f"prototypes reaches {self.needed:.1f} by chance"
             )
-        if not self.training > policy.least_fall:
+        if not self._is_large:
             return (
                 f"too small: the simulation error of the training runs changes by "
                 f"{-100 * self.training:+.2f} % (limit {-100 * policy.least_fall:.1f} %)"
@@ -130,9 +159,9 @@ class AcceptanceCriteria:
         training, validation = _fraction(self.training), _fraction(self.validation)
         least = -policy.validation_share * training
         if not (self.local or self.varies):
-            expected = policy.validation_share * min(training, _fraction(max(self.possible, 0.0)))
-            least = expected - policy.validation_tolerance
-        is_preferred = self.local or self.log_odds > policy.validation_log_odds
+            possible = _fraction(max(self.possible, 0.0)) if self.is_judged else 0.0
+            least = policy.validation_share * min(training, possible) - policy.validation_tolerance
+        is_preferred = self.local or self.log_odds > self._least_log_odds
         if not (validation > least and is_preferred):
             return (
                 "not confirmed by the validation runs: their simulation error changes by "

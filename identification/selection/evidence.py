@@ -129,22 +129,23 @@ class EvaluatedModel:
     ) -> AcceptanceCriteria:
         """Acceptance criteria against a simpler model that is comparable."""
         shared = self.fit.position.size - simpler.fit.position.size
-        counts = self.fit.weighting.counts
+        counts, deviation = self.fit.weighting.counts, self.fit.weighting.deviation
         samples = max(float(counts.sum()) * self.fraction, 2.0)
         added = self.effects_added_to(simpler)
         shared += sum(len(term.moments) for term in added)
         more = shared + _lasting(self.fit) - _lasting(simpler.fit)
         fall = np.full(2, np.inf)
         if np.isfinite(simpler.fit.cost):
-            fall = np.log(simpler.fit.weighting.deviation / self.fit.weighting.deviation)
-        validation, possible, log_odds = None, 0.0, 0.0
+            fall = np.log(simpler.fit.weighting.deviation / deviation)
+        validation, possible, log_odds, expected = None, 0.0, 0.0, np.inf
         if self.unseen is not None and simpler.unseen is not None:
             ratio = _log_ratio(simpler.unseen.square, self.unseen.square)
-            excess = _log_ratio(simpler.unseen.square, self.fit.weighting.deviation**2)
+            excess = _log_ratio(simpler.unseen.square, deviation**2)
             validation = float(np.sum(ratio[counts > 0]))
             scatter = float(np.linalg.norm(self.unseen.scatter[counts > 0]))
             possible = float(np.sum(excess[counts > 0])) - policy.validation_sd * scatter
             log_odds = self.fraction * float(np.sum((ratio * self.unseen.count)[counts > 0]))
+            expected = self.fraction * self.unseen.expected_log_odds(simpler.unseen, deviation)
         return AcceptanceCriteria(
             gain=self.fraction * (simpler.fit.cost - self.fit.cost),
             needed=by_chance(max(more, 1), samples, max(tried, 1)),
@@ -158,6 +159,7 @@ class EvaluatedModel:
             unknowns=max(shared, 1),
             tried=max(tried, 1),
             policy=policy,
+            expected=expected,
             simulation=-np.inf if self.noise.any() else simulation_fall(self.fit, simpler.fit),
         )
 
@@ -195,8 +197,8 @@ class EvaluatedModel:
         if own.unseen is None or other.unseen is None:
             return False
         ratio = _log_ratio(other.unseen.square, own.unseen.square)
-        counted = (ratio * own.unseen.count)[self.fit.weighting.counts > 0]
-        log_odds = max(self.fraction, other.fraction) * float(np.sum(counted))
+        counted = float(np.sum((ratio * own.unseen.count)[self.fit.weighting.counts > 0]))
+        log_odds = max(self.fraction, other.fraction) * counted
         return log_odds < -policy.validation_log_odds
 
     def score(self, fraction: float) -> float:
@@ -208,8 +210,7 @@ class EvaluatedModel:
         if not self.is_computed:
             return float("inf")
         samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
-        size = _determined(self.fit) + _lasting(self.fit)
-        penalty = 0.5 * size * float(np.log(samples))
+        penalty = 0.5 * (_determined(self.fit) + _lasting(self.fit)) * float(np.log(samples))
         chance = chance_of_fading(self.fit, self.edges)
         return fraction * (self.fit.cost + self._predictive()) + penalty + chance
 
@@ -270,11 +271,9 @@ def _comparable(models: Sequence[EvaluatedModel]) -> list[EvaluatedModel]:
 
 def evaluated(fit: Fit, campaign: Campaign, fraction: float) -> EvaluatedModel:
     """Evaluate a fit on the validation runs of a campaign."""
-    noise = voltage_noise_power(fit)
-    if not campaign.validation:
-        return EvaluatedModel(fit, fraction, None, noise)
-    unseen = validation_errors(fit, campaign.validation, fraction)
-    return EvaluatedModel(fit, fraction, unseen, noise)
+    runs = campaign.validation
+    unseen = validation_errors(fit, runs, fraction) if runs else None
+    return EvaluatedModel(fit, fraction, unseen, voltage_noise_power(fit))
 
 
 def probabilities(scores: Sequence[float]) -> Array:

@@ -51,6 +51,18 @@ class ValidationErrors:
         inner = [(record.within(edges), residual) for record, residual in self.compared]
         return ValidationErrors.of(inner, fraction)
 
+    def expected_log_odds(self, simpler: ValidationErrors, deviation: Array) -> float:
+        """Log odds against a simpler model that the runs reach in the mean if this one is true.
+
+        Half the sum of squares of the difference between the two predictions, in standard
+        deviations of the noise (2,) [A, rad/s]; infinite if it cannot be computed [-].
+        """
+        total = 0.0 if self.compared else np.inf
+        for (record, own), (_, other) in zip(self.compared, simpler.compared, strict=True):
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                total += 0.5 * float(np.sum(record.weight * ((own - other) / deviation) ** 2))
+        return total if np.isfinite(total) else np.inf
+
 
 def validation_errors(fit: Fit, records: Sequence[Record], fraction: float) -> ValidationErrors:
     """Simulate validation records with a fit; the effective sample fraction is its own [-]."""
