@@ -156,14 +156,6 @@ class MotorModel:
             first[CHANNELS.index(digital.channel)] += digital.memory
         return (first[0], last), (first[1], last)
 
-    def lag(self, term: AbstractDelay, parameter: Expression) -> Expression:
-        """Delay of the simulated channels of `term` in sample intervals [-]."""
-        return term.lag(self.own_values(term, parameter))
-
-    def window(self, term: AbstractMean, parameter: Expression) -> Expression:
-        """Length of the average of `term` in sample intervals [-]."""
-        return term.window(self.own_values(term, parameter))
-
     def own_values(self, term: AbstractTerm, parameter: Expression) -> Values:
         """Parameters of a term, and the nominal ones, by name."""
         return self._values(parameter)[1][self.terms.index(term)]

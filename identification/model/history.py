@@ -85,7 +85,7 @@ def shares_before(model: MotorModel, inputs: Expression, parameter: Expression) 
     index, count = (inputs[INPUTS.index(name)] for name in ("substep", "substeps"))
     found = []
     for term in model.delays:
-        share = _share_before(model.lag(term, parameter)) * count - index
+        share = _share_before(term.lag(model.own_values(term, parameter))) * count - index
         share = ca.if_else(share < 0, 0, ca.if_else(share > 1, 1, share))
         found.append(_LEAST + (1 - _LEAST) * share)
     return found
@@ -110,10 +110,11 @@ def updated_history(
     readings = [now[0], now[1]]
     means: dict[int, _Mean] = {}
     for row, (channel, term) in enumerate(model.averaged.items(), start=n):
-        mean = means[channel] = _Mean(row, term.intervals, model.window(term, parameter))
+        window = term.window(model.own_values(term, parameter))
+        mean = means[channel] = _Mean(row, term.intervals, window)
         readings[channel] = mean.updated(buffer, substep, end[row])
     for instant, delay in zip(instants, model.delays, strict=True):
-        lag = _Lag(model.lag(delay, parameter), delay.depth)
+        lag = _Lag(delay.lag(model.own_values(delay, parameter)), delay.depth)
         read = model.logged(instant.states[:n], instant.inputs, parameter)
         for channel in _delayed(delay):
             own = means.get(channel)

@@ -64,21 +64,13 @@ class Coordinates:
         self._scale = np.array(
             [1.0 if parameter.search == "log" else parameter.scale for parameter in parameters]
         )
-        with np.errstate(divide="ignore"):
-            self.lower = self.of(
-                np.array(
-                    [p.lower if p.search == "linear" else max(p.lower, 0.0) for p in parameters]
-                )
-            )
-            self.upper = self.of(np.array([p.upper for p in parameters]))
-        self.prior_mean = self.of(
-            np.array(
-                [
-                    p.prior_mean if p.search == "linear" or p.prior_mean > 0 else 1.0
-                    for p in parameters
-                ]
-            )
-        )
+        lower = [p.lower if p.search == "linear" else max(p.lower, 0.0) for p in parameters]
+        centre = [
+            p.prior_mean if p.search == "linear" or p.prior_mean > 0 else 1.0 for p in parameters
+        ]
+        self.lower = self.of(np.array(lower))
+        self.upper = self.of(np.array([p.upper for p in parameters]))
+        self.prior_mean = self.of(np.array(centre))
         self.prior_sd = np.array([p.prior_sd for p in parameters])
 
     def of(self, values: Array) -> Array:
