@@ -50,7 +50,6 @@ class Disturbance(AbstractTorque, AbstractVoltage):
     """Missing voltage and torque, held over a sample interval."""
 
     name = "disturbance"
-    equation = "mechanical"
     drivers = ()
     source = "Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237"
     parameters = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import casadi as ca
 
@@ -12,7 +12,13 @@ from identification.effects.effect import AbstractEffect, CampaignScales, Candid
 from identification.effects.parameters import columns, shape
 from identification.model.history import windowed
 from identification.model.parameter import Parameter
-from identification.model.term import AbstractMean, AbstractSampleFilter, Expression, Values
+from identification.model.term import (
+    AbstractMean,
+    AbstractSampleFilter,
+    Channel,
+    Expression,
+    Values,
+)
 
 __all__ = [
     "CurrentAverage",
@@ -35,17 +41,29 @@ _SLOWEST: Final = 300.0
 value, and the slowest is that of an analog filter."""
 
 
+class _OfSpeed(AbstractEffect):
+    """Law of the logged speed."""
+
+    name = "speed_filter"
+    drivers = ("speed",)
+    channel: ClassVar[Channel] = "speed"
+
+
+class _OfCurrent(AbstractEffect):
+    """Law of the logged current."""
+
+    name = "current_filter"
+    drivers = ("current",)
+    channel: ClassVar[Channel] = "current"
+
+
 @dataclass(frozen=True)
-class SpeedMean(AbstractEffect, AbstractMean):
+class SpeedMean(_OfSpeed, AbstractMean):
     """Mean of the speed over the sample interval, as from differenced encoder counts."""
 
     law: str = "mean over the sample interval"
     """Name of the law in a result."""
 
-    name = "speed_filter"
-    equation = "sensor"
-    drivers = ("speed",)
-    channel = "speed"
     source = (
         "Petrella, Tursini, Peretti and Zigliotto, Proc. ACEMP (2007), 780-787 (speed from counts)"
     )
@@ -67,7 +85,6 @@ class DigitalFilter(AbstractEffect):
     interval: float
     """Sample interval [s]."""
 
-    equation = "sensor"
     source = "Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd edition, section 2.2"
 
     @classmethod
@@ -137,54 +154,30 @@ class _Recursion(DigitalFilter, AbstractSampleFilter):
 
 
 @dataclass(frozen=True)
-class SpeedAverage(_Average):
+class SpeedAverage(_OfSpeed, _Average):
     """Moving average of the logged speed."""
 
-    name = "speed_filter"
-    drivers = ("speed",)
-    channel = "speed"
-
 
 @dataclass(frozen=True)
-class SpeedSampleAverage(_SampleAverage):
+class SpeedSampleAverage(_OfSpeed, _SampleAverage):
     """Moving average of the samples of the speed."""
 
-    name = "speed_filter"
-    drivers = ("speed",)
-    channel = "speed"
-
 
 @dataclass(frozen=True)
-class SpeedRecursion(_Recursion):
+class SpeedRecursion(_OfSpeed, _Recursion):
     """Recursive filter of the samples of the speed."""
 
-    name = "speed_filter"
-    drivers = ("speed",)
-    channel = "speed"
-
 
 @dataclass(frozen=True)
-class CurrentAverage(_Average):
+class CurrentAverage(_OfCurrent, _Average):
     """Moving average of the logged current."""
 
-    name = "current_filter"
-    drivers = ("current",)
-    channel = "current"
-
 
 @dataclass(frozen=True)
-class CurrentSampleAverage(_SampleAverage):
+class CurrentSampleAverage(_OfCurrent, _SampleAverage):
     """Moving average of the samples of the current."""
 
-    name = "current_filter"
-    drivers = ("current",)
-    channel = "current"
-
 
 @dataclass(frozen=True)
-class CurrentRecursion(_Recursion):
+class CurrentRecursion(_OfCurrent, _Recursion):
     """Recursive filter of the samples of the current."""
-
-    name = "current_filter"
-    drivers = ("current",)
-    channel = "current"

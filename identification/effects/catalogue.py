@@ -6,7 +6,7 @@ in one file.  A class in another package is added at the end of the catalogue wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 from typing import Final
@@ -27,24 +27,13 @@ _COMMON_FIRST: Final = (
 """Effects in the order in which they decide ties; all others are less common."""
 
 
-class _Catalogue(Mapping[str, type[AbstractEffect]]):
-    """Registered effects, those of `_COMMON_FIRST` first."""
-
-    def __getitem__(self, name: str) -> type[AbstractEffect]:
-        return REGISTERED[name]
-
-    def __iter__(self) -> Iterator[str]:
-        yield from (name for name in _COMMON_FIRST if name in REGISTERED)
-        yield from (name for name in REGISTERED if name not in _COMMON_FIRST)
-
-    def __len__(self) -> int:
-        return len(REGISTERED)
-
-
 for _module in iter_modules(effects.__path__):
     import_module(f"{effects.__name__}.{_module.name}")
 
-CATALOGUE: Final[Mapping[str, type[AbstractEffect]]] = _Catalogue()
+for _name in (*_COMMON_FIRST, *(name for name in REGISTERED if name not in _COMMON_FIRST)):
+    REGISTERED[_name] = REGISTERED.pop(_name)
+
+CATALOGUE: Final[Mapping[str, type[AbstractEffect]]] = REGISTERED
 
 
 def confusions() -> tuple[Confusion, ...]:

@@ -66,7 +66,6 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
 
     name = "brush_drop"
     confusions = (BRUSHES,)
-    equation = "electrical"
     drivers = ("current",)
     source = (
         "Hamilton, DC Motor Control (2000), section on brushes; Holm, Electric Contacts, section 42"

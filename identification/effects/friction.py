@@ -47,7 +47,6 @@ class _Friction(AbstractEffect, AbstractTorque):
     """Torque scale [N m]."""
 
     confusions = (FRICTION,)
-    equation = "mechanical"
     drivers = ("speed",)
 
 

@@ -85,7 +85,6 @@ class _Lag(AbstractEffect, AbstractTemperature):
     slowest: float
     """Longest time constant [s]."""
 
-    equation = "thermal"
     drivers = ("temperature",)
     source = _SOURCE
 

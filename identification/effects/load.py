@@ -57,7 +57,6 @@ class AbstractSecondInertia(AbstractEffect, AbstractTorque, AbstractCoefficient)
     define the joint: an elastic shaft, or a contact with play.
     """
 
-    equation = "mechanical"
     coefficient = "J"
     states = (State("twist", "rad", fades=True), State("speed", "rad/s", "speed", fades=True))
 
@@ -115,7 +114,6 @@ class LoadTorque(AbstractEffect, AbstractTorque):
 
     name = "load_torque"
     confusions = (CONSTANT_TORQUE,)
-    equation = "mechanical"
     drivers = ()
     source = "Krishnan, Electric Motor Drives (2001), section 2.3"
 
@@ -151,7 +149,6 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
 
     name = "load_step"
     confusions = (SINGLE_RUN,)
-    equation = "mechanical"
     drivers = ("time",)
     moments = ("start", "stop")
     scope = "one span"

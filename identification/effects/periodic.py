@@ -1,4 +1,4 @@
-"""Base of effects that are periodic in the shaft angle, as a Fourier series of unknown order."""
+"""Effects that are periodic in the shaft angle, as a Fourier series of unknown order."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import ClassVar, Final, Literal, Self
 import casadi as ca
 import numpy as np
 
-from identification.effects.effect import AbstractEffect, CampaignScales, Candidate
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.orders import HIGHEST_ORDER
 from identification.effects.parameters import amplitude, columns, shape
 from identification.model.parameter import Parameter
-from identification.model.term import Expression, Signals, State, Values
+from identification.model.term import AbstractTorque, Expression, Signals, State, Values
 
-__all__ = ["AbstractPeriodic"]
+__all__ = ["AbstractPeriodic", "CoggingTorque"]
 
 _USUAL: Final = 2
 _MOST: Final = 5
@@ -33,18 +33,7 @@ _TINY: Final = 1e-12
 
 @dataclass(frozen=True, kw_only=True)
 class AbstractPeriodic(AbstractEffect):
-    """Quantity periodic in the shaft angle phi.
-
-        x = sum_h A_h sin(h k phi) + B_h cos(h k phi)
-
-    The order k is the number of periods per revolution.  If the angle is logged from a mark on the
-    shaft, the amplitudes are common to all runs.  If it is counted from the start of a run, or only
-    integrated from the speed, its zero is unknown: the amplitudes are then free in each record, as
-    constant states.
-
-    An angle integrated from a noisy speed drifts from the true angle as a random walk, further in
-    longer records.  The drift is estimated from the effect itself (order tracking).
-    """
+    """Quantity periodic in the shaft angle phi, as the torque of `CoggingTorque`."""
 
     unit: ClassVar[str]
     """Unit of the amplitudes."""
@@ -163,6 +152,48 @@ class AbstractPeriodic(AbstractEffect):
         if scales.angle_logged:
             fitted = [scanned, replace(scanned, logged=False)]
         return [Candidate(scanned, columns(*starts), joint=2, fitted=form) for form in fitted]
+
+
+@register
+@dataclass(frozen=True)
+class CoggingTorque(AbstractPeriodic, AbstractTorque):
+    """Torque periodic in the shaft angle phi, from slots and poles or from a bent shaft.
+
+        tau = sum_h A_h sin(h k phi) + B_h cos(h k phi)                     [N m]
+
+    The order k is the number of periods per revolution.  If the angle is logged from a mark on the
+    shaft, the amplitudes are common to all runs.  If it is counted from the start of a run, or only
+    integrated from the speed, its zero is unknown: the amplitudes are then free in each record, as
+    constant states.
+
+    An angle integrated from a noisy speed drifts from the true angle as a random walk, further in
+    longer records.  The drift is estimated from the torque itself (order tracking).
+    """
+
+    torque_size: float
+    """Torque scale [N m]."""
+
+    name = "cogging_torque"
+    amplitude_scale = "torque_size"
+    unit = "N m"
+    drivers = ("position",)
+    source = (
+        "Jahns and Soong, IEEE Trans. Industrial Electronics 43 (1996), 321-330 (pulsating torque)"
+    )
+
+    @property
+    def size(self) -> float:
+        return self.torque_size
+
+    def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Torque at the angle, or its average over an integration step about it [N m]."""
+        # The speed moves a simulated angle within the step, so the state shows no average.
+        turn = None if self.angle == "simulated" else signals.turn
+        return self.wave(signals, states, values, turn)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        return cls._scanned(scales, cls(scales.torque))
 
 
 def _averaging(x: Expression) -> Expression:

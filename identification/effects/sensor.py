@@ -83,7 +83,6 @@ class _Filter(AbstractEffect, AbstractSensor):
     order: int = 1
     """1, with q = 0, or 2."""
 
-    equation = "sensor"
     source = _SOURCE
     unit: ClassVar[str]
 
@@ -194,7 +193,6 @@ class ChannelDelay(AbstractEffect, AbstractDelay):
 
     name = "channel_delay"
     confusions = (INDUCTANCE,)
-    equation = "sensor"
     drivers = ("time",)
     source = _SOURCE
 
@@ -229,7 +227,6 @@ class _Hold(AbstractEffect, AbstractHold):
 
     name = "input_hold"
     confusions = (INDUCTANCE,)
-    equation = "sensor"
     drivers = ("voltage",)
     source = "Ljung, System Identification, 2nd edition, section 13.3"
     parameters = ()

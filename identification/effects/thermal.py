@@ -66,7 +66,6 @@ class SelfHeating(AbstractEffect, AbstractTemperature):
     name = "self_heating"
     heats = True
     confusions = (RESISTANCE,)
-    equation = "thermal"
     drivers = ("current",)
     source = "Mellor, Roberts and Turner, IEE Proc. B 138 (1991), 205-218 (lumped thermal model)"
 

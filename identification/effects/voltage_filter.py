@@ -36,7 +36,6 @@ class _VoltageFilter(AbstractEffect, AbstractVoltageFilter):
     """Longest time constant [s]."""
 
     name = "voltage_filter"
-    equation = "sensor"
     drivers = ("voltage",)
     source = "Doebelin, Measurement Systems, 5th edition, chapter 3 (first-order instruments)"
     confusions = (INDUCTANCE,)

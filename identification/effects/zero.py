@@ -36,7 +36,6 @@ class _ZeroError(AbstractEffect):
     drifts: bool = False
     """True if the error changes linearly with the run number."""
 
-    equation = "sensor"
     drivers = ()
     source = (
         "Doebelin, Measurement Systems, 5th edition, chapter 3 (zero-, first- and second-order)"

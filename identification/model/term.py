@@ -132,7 +132,8 @@ class Signals:
 class AbstractTerm(ABC):
     """Named term; the module's docstring lists where a term may enter the equations.
 
-    A subclass sets each property to a constant, or computes it from its fields.
+    A subclass sets each property to a constant, or computes it from its fields.  Its equation is
+    that of the place where it enters; only a factor may belong to any of them.
     """
 
     name: ClassVar[str]
@@ -183,6 +184,8 @@ class AbstractTerm(ABC):
 class AbstractTorque(AbstractTerm):
     """Torque on the shaft, positive in the direction of positive speed."""
 
+    equation: ClassVar[Equation] = "mechanical"
+
     @abstractmethod
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         """Torque added to the right-hand side of J dw/dt = Kt i - b w + ... [N m]."""
@@ -191,6 +194,8 @@ class AbstractTorque(AbstractTerm):
 class AbstractTransmission(AbstractTerm):
     """Loss of torque between the motor and the inertia, which depends on the torque itself."""
 
+    equation: ClassVar[Equation] = "mechanical"
+
     @abstractmethod
     def loss(self, net: Expression, signals: Signals, values: Values) -> Expression:
         """Torque added to the sum `net` of all others, J dw/dt without this term [N m]."""
@@ -198,6 +203,8 @@ class AbstractTransmission(AbstractTerm):
 
 class AbstractVoltage(AbstractTerm):
     """Voltage in the armature circuit."""
+
+    equation: ClassVar[Equation] = "electrical"
 
     @abstractmethod
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -216,6 +223,8 @@ class AbstractCoefficient(AbstractTerm):
 
 class AbstractTemperature(AbstractTerm):
     """Effective temperature of winding or magnet, if it differs from the logged one."""
+
+    equation: ClassVar[Equation] = "thermal"
 
     @property
     @abstractmethod
@@ -244,6 +253,8 @@ class AbstractTemperature(AbstractTerm):
 class AbstractSupply(AbstractTerm):
     """Terminal voltage, if it differs from the logged one."""
 
+    equation: ClassVar[Equation] = "sensor"
+
     @abstractmethod
     def supplied(self, before: Expression, signals: Signals, values: Values) -> Expression:
         """Terminal voltage, given the one without this term [V]."""
@@ -262,6 +273,7 @@ class AbstractVoltageFilter(AbstractSupply):
 class AbstractSensor(AbstractTerm):
     """Sensor reading, if it differs from the state itself."""
 
+    equation: ClassVar[Equation] = "sensor"
     channel: ClassVar[Channel]
 
     @abstractmethod
@@ -279,6 +291,8 @@ class AbstractDelay(AbstractTerm):
     voltage is equivalent to both other channels leading: the simulation uses the voltage `depth`
     samples ahead and delays both channels by `depth` minus the delay.
     """
+
+    equation: ClassVar[Equation] = "sensor"
 
     channel: str
     """The delayed channel; a delay of ``voltage`` is an advance of the two others."""
@@ -301,6 +315,7 @@ class AbstractMean(AbstractTerm):
     is as accurate as the states.  A delay of the same channel delays the average.
     """
 
+    equation: ClassVar[Equation] = "sensor"
     channel: ClassVar[Channel]
     intervals: int = 1
     """Most sample intervals of an average."""
@@ -313,6 +328,7 @@ class AbstractMean(AbstractTerm):
 class AbstractSampleFilter(AbstractTerm):
     """Channel whose samples pass a digital filter."""
 
+    equation: ClassVar[Equation] = "sensor"
     channel: ClassVar[Channel]
     memory: int = 1
     """Number of past values that the filter keeps; they equal the logged value at first."""
@@ -327,6 +343,7 @@ class AbstractSampleFilter(AbstractTerm):
 class AbstractHold(AbstractTerm):
     """Inter-sample behaviour of the voltage other than the nominal one."""
 
+    equation: ClassVar[Equation] = "sensor"
     is_late: ClassVar[bool] = False
     """True if a row has the voltage of the interval that ends there; False for an exchange of
     zero- and first-order hold."""

@@ -56,7 +56,6 @@ class _Missing(AbstractCurve):
 class MissingTorque(_Missing, AbstractTorque):
     """Torque that no effect of the catalogue explains, as a curve."""
 
-    equation = "mechanical"
     unit = "N m"
     pairs = (
         ("speed", ""),
@@ -81,7 +80,6 @@ class MissingTorque(_Missing, AbstractTorque):
 class MissingVoltage(_Missing, AbstractVoltage):
     """Voltage that no effect of the catalogue explains, as a curve."""
 
-    equation = "electrical"
     unit = "V"
     pairs = (
         ("current", ""),

@@ -37,7 +37,6 @@ class GearFriction(AbstractEffect, AbstractTransmission):
 
     name = "unlisted"
     variant = "friction in proportion to the load of a gear"
-    equation = "mechanical"
     drivers = ("speed", "current")
     source = (
         "Pelchen, Schweiger and Otter, Proc. 2nd International Modelica Conference (2002), 257-266 "

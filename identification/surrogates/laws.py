@@ -67,7 +67,6 @@ class AngularFriction(AbstractForced, AbstractTorque):
     name = "unlisted"
     variant = "Coulomb friction periodic in the shaft angle"
     amplitude_scale = "torque_size"
-    equation = "mechanical"
     drivers = ("position", "speed")
     source = "Priestley, Spectral Analysis and Time Series (1981), section 6.1"
 
@@ -129,7 +128,6 @@ class DahlFriction(AbstractEffect, AbstractTorque):
 
     name = "unlisted"
     variant = "Dahl friction"
-    equation = "mechanical"
     drivers = ("speed",)
     source = "Dahl, AIAA Journal 14 (1976), 1675-1682"
     states = (State("deflection", "-", scale=1.0, fades=True),)
@@ -250,7 +248,6 @@ class SupplySag(AbstractEffect, AbstractVoltage):
 
     name = "unlisted"
     variant = "voltage sag of the supply of a chopper"
-    equation = "electrical"
     drivers = ("voltage", "current")
     source = (
         "Erickson and Maksimovic, Fundamentals of Power Electronics (2001), chapter 3 (dc "
@@ -286,7 +283,6 @@ class CurrentSaturation(AbstractEffect, AbstractSensor):
 
     name = "unlisted"
     variant = "saturation of the current sensor"
-    equation = "sensor"
     drivers = ("current",)
     channel = "current"
     source = (

@@ -129,7 +129,6 @@ class _Ripple(AbstractForced):
 class MissingTorqueRipple(_Ripple, AbstractTorque):
     """Torque that is periodic in time and that no effect of the catalogue explains."""
 
-    equation = "mechanical"
     unit = "N m"
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -140,7 +139,6 @@ class MissingTorqueRipple(_Ripple, AbstractTorque):
 class MissingVoltageRipple(_Ripple, AbstractVoltage):
     """Voltage that is periodic in time and that no effect of the catalogue explains."""
 
-    equation = "electrical"
     unit = "V"
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -164,7 +162,6 @@ class SpeedRipple(AbstractPeriodic, AbstractSensor):
     name = "unlisted"
     amplitude_scale = "ratio"
     unit = "-"
-    equation = "sensor"
     drivers = ("speed", "position")
     channel = "speed"
     source = (

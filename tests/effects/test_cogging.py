@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.effects.cogging import CoggingTorque
+from identification.effects.periodic import CoggingTorque
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator

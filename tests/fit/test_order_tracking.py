@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.effects.cogging import CoggingTorque
+from identification.effects.periodic import CoggingTorque
 from identification.fit.order_tracking import path_size, tracked
 from identification.fit.solve import solve
 from identification.fit.tracked_fit import solve_tracked

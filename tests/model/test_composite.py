@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import pytest
 
-from identification.effects.cogging import CoggingTorque
+from identification.effects.periodic import CoggingTorque
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import Expression, Signals, Values
 from tests.terms import MagneticDrag

@@ -8,8 +8,8 @@ import pytest
 
 from bench import EffectRequest, Noise, make_campaign
 from benchmarks.calibration.plan import item_of
-from identification.effects.cogging import CoggingTorque
 from identification.effects.effect import effects_of
+from identification.effects.periodic import CoggingTorque
 from identification.fit.declared import fit_declared
 from identification.result.early_stop import early_stop_warnings
 from identification.selection import trials

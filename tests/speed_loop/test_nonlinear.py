@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy import integrate
 
 from identification.effects.catalogue import CATALOGUE
-from identification.effects.cogging import CoggingTorque
 from identification.effects.electrical import BrushDrop, InductanceSaturation
 from identification.effects.friction import CoulombFriction
 from identification.effects.load import InertiaChange, LoadStep, LoadTorque
+from identification.effects.periodic import CoggingTorque
 from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.effects.zero import CurrentOffset, VoltageOffset
 from identification.fit.declared import fit_declared

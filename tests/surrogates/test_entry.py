@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from identification.effects.cogging import CoggingTorque
+from identification.effects.periodic import CoggingTorque
 from identification.errors import InputError
 from identification.model.composite import MotorModel
 from identification.model.parameter import Parameter
