@@ -33,7 +33,7 @@ from identification.diagnosis.filtering import Likelihood
 from identification.diagnosis.smoothing import auxiliary_residuals
 from identification.fit.evaluate import Simulated
 from identification.fit.noise import student_weights
-from identification.model.excitation import squares_of
+from identification.model.excitation import rms_of
 from identification.warning import ResultWarning
 
 __all__ = [
@@ -96,9 +96,7 @@ def noise_without_outlying_runs(simulated: Sequence[Simulated], noise: Array) ->
 
 def root_mean_square(simulated: Sequence[Simulated]) -> Array:
     """(2,) RMS error of current and speed over all records [A, rad/s]."""
-    weight = np.sum([s.record.weight.sum(axis=0) for s in simulated], axis=0)
-    square = squares_of([s.record for s in simulated], [s.residual for s in simulated])
-    return np.asarray(np.sqrt(square / np.maximum(weight, 1.0)))
+    return rms_of([s.record for s in simulated], [s.residual for s in simulated])
 
 
 def _medians_of_others(errors: Array) -> Array:

@@ -21,7 +21,7 @@ from identification.model.logged_voltage import smooth_voltage
 from identification.model.unlogged import RAMP
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = ["Record", "records_of", "sample_interval", "squares_of"]
+__all__ = ["Record", "records_of", "rms_of", "sample_interval", "squares_of"]
 
 _MANY: Final = 10
 """Edges lose their weight only in records longer than this multiple of them."""
@@ -194,21 +194,22 @@ def records_of(
     records: list[Record] = []
     peak = hottest
     for k, run in enumerate(runs):
-        coarse, is_bare = coarse_step(run)
+        coarse, bare, unknown = 0.0, None, None
         if run.temperature is None:
+            unknown = expected
             whole = max(float(run.time[-1] - run.time[0]), 1e-300)
             temperature = expected + RAMP * ((run.time - run.time[0]) / whole - 0.5)
             highest = np.full(run.time.size, peak if np.isfinite(peak) else expected)
         else:
-            temperature = smooth_temperature(run)
+            coarse, is_bare = coarse_step(run.temperature)
+            bare = run.temperature if is_bare else None
+            temperature = smooth_temperature(run.time, run.temperature, run.segments)
             highest = np.maximum.accumulate(np.maximum(temperature, peak))
             peak = float(highest[-1])
         for start, stop in run.segments:
             if stop - start >= 2:
                 made = _record(run, first + k, start, stop, temperature, highest)
-                unknown = expected if run.temperature is None else None
-                log = run.temperature
-                log = log[start:stop] if is_bare and log is not None else None
+                log = None if bare is None else bare[start:stop]
                 records.append(replace(made, expected=unknown, resolution=coarse, coarse_log=log))
     return records
 
@@ -261,6 +262,12 @@ def squares_of(records: Sequence[Record], differences: Sequence[Array]) -> Array
     parts = zip(records, differences, strict=True)
     sums = [np.sum(record.weight * each**2, axis=0) for record, each in parts]
     return np.asarray(np.sum(sums, axis=0))
+
+
+def rms_of(records: Sequence[Record], differences: Sequence[Array]) -> Array:
+    """(2,) weighted RMS of differences, (n_sample, 2) of each record; zero without weight."""
+    weight = np.sum([record.weight.sum(axis=0) for record in records], axis=0)
+    return np.asarray(np.sqrt(squares_of(records, differences) / np.maximum(weight, 1.0)))
 
 
 def _voltage_columns(voltage: Array) -> dict[str, Array]:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from identification.arrays import Array
-from identification.ingest.run import Run
-from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
 __all__ = ["coarse_step", "smooth_temperature"]
+
+Segments = Sequence[tuple[int, int]]
+"""First sample of each segment without a gap, and the one after its last."""
 
 _KNOTS: Final = 200
 _EDGE: Final = 20
@@ -30,21 +31,19 @@ _NEGLIGIBLE: Final = 0.1
 _STIFFNESSES: Final = np.geomspace(1e-3, 1e10, 80)
 
 
-def smooth_temperature(run: Run) -> Array:
-    """Logged temperature (n_sample,) without quantisation and noise, by Whittaker smoothing [degC].
+def smooth_temperature(time: Array, logged: Array, segments: Segments) -> Array:
+    """Logged temperature (n_sample,) without quantisation and noise [degC].
 
     The temperature of a motor varies over many samples, while its logger resolves a tenth of a
-    degree or a whole one.  The log is averaged over short spans, the averages are smoothed with a
-    penalty chosen by generalised cross-validation, and a cubic spline interpolates them.  Segments
-    are smoothed separately if the temperature jumps across the gap between them.  A run without a
-    logged temperature is assumed to be at 25 degC throughout.
+    degree or a whole one.  The log is averaged over short spans, the averages are smoothed by a
+    Whittaker smoother with a penalty chosen by generalised cross-validation, and a cubic spline
+    interpolates them.  Segments are smoothed separately if the temperature jumps across the gap
+    between them.  The time is (n_sample,) [s].
     """
-    if run.temperature is None:
-        return np.full(run.time.size, REFERENCE_TEMPERATURE_DEGC)
-    quantum = _quantum(run.temperature)
+    quantum = _quantum(logged)
     smooth = [
-        _smooth_stretch(run.time[start:stop], run.temperature[start:stop], quantum)
-        for start, stop in _stretches(run.temperature, _covering(run), quantum)
+        _smooth_stretch(time[start:stop], logged[start:stop], quantum)
+        for start, stop in _stretches(logged, segments, quantum)
     ]
     return np.concatenate(smooth)
 
@@ -55,32 +54,27 @@ def _quantum(logged: Array) -> float:
     return float(steps.min()) if steps.size else 0.0
 
 
-def coarse_step(run: Run) -> tuple[float, bool]:
-    """Step that the logged temperature of a run leaves unknown [K], and whether it has no noise.
+def coarse_step(logged: Array) -> tuple[float, bool]:
+    """Step that a logged temperature (n_sample,) leaves unknown [K], and whether it has no noise.
 
     The step is that of a log without noise whose averages have the same error; zero if the noise is
     large enough to remove it.
     """
-    if run.temperature is None:
-        return 0.0, False
-    quantum = _quantum(run.temperature)
-    _, _, within = _spans(run.temperature)
+    quantum = _quantum(logged)
+    _, _, within = _spans(logged)
     step = np.sqrt(12.0) * _rounding(within, quantum)
     return float(step), bool(step == quantum)
 
 
-def _covering(run: Run) -> list[tuple[int, int]]:
-    """Segments of a run, extended by the samples between them that are not simulated."""
-    starts = [0, *(start for start, _ in run.segments[1:])]
-    return list(itertools.pairwise([*starts, run.rows]))
+def _stretches(logged: Array, segments: Segments, quantum: float) -> list[tuple[int, int]]:
+    """Segments, merged where the temperature is continuous across the gap between them.
 
-
-def _stretches(
-    logged: Array, segments: Sequence[tuple[int, int]], quantum: float
-) -> list[tuple[int, int]]:
-    """Segments, merged where the temperature is continuous across the gap between them."""
-    joined = [segments[0]]
-    for start, stop in segments[1:]:
+    They are extended by the samples between them that are not simulated.
+    """
+    starts = [0, *(start for start, _ in segments[1:]), logged.size]
+    whole = list(itertools.pairwise(starts))
+    joined = whole[:1]
+    for start, stop in whole[1:]:
         first = joined[-1][0]
         before, after = logged[max(first, start - _EDGE) : start], logged[start:stop][:_EDGE]
         noise = float(np.hypot(_median_error(before), _median_error(after)))

@@ -24,7 +24,7 @@ import numpy as np
 from identification.arrays import Array, Index
 from identification.model.blocks import sampled, stretch
 from identification.model.composite import INPUTS, MotorModel
-from identification.model.excitation import Record, squares_of
+from identification.model.excitation import Record, rms_of
 from identification.model.history import initial_history
 from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
 from identification.model.scan import Effort, Scan, scan_of
@@ -190,11 +190,8 @@ class Simulator:
     ) -> bool:
         """True if a channel differs by an RMS of more than a twentieth of the noise."""
         mine, others = (one.logged(values[:, None], states) for one in (self, other))
-        squares = squares_of(
-            self.records, [(a - b)[:, :, 0] for a, b in zip(mine, others, strict=True)]
-        )
-        counts = np.sum([record.weight.sum(axis=0) for record in self.records], axis=0)
-        return not np.all(np.sqrt(squares / np.maximum(counts, 1.0)) < _TOTAL * deviation)
+        differences = [(a - b)[:, :, 0] for a, b in zip(mine, others, strict=True)]
+        return not np.all(rms_of(self.records, differences) < _TOTAL * deviation)
 
     def converged(self, values: Array, states: Sequence[Array]) -> Simulator:
         """Simulator whose discretisation error is below a millionth of the signals.

@@ -24,6 +24,12 @@ def run_at(temperature: Array | None, rows: int = 2000, **others: object) -> Run
     return replace(run, **others)  # type: ignore[arg-type]
 
 
+def smoothed(run: Run) -> Array:
+    """Smoothed temperature of a run (n_sample,) [degC]."""
+    assert run.temperature is not None
+    return smooth_temperature(run.time, run.temperature, run.segments)
+
+
 @pytest.mark.parametrize("digit", [0.1, 0.5, 1.0])
 def test_smoothing_removes_the_steps_of_the_logger(digit: float) -> None:
     """The error to the true curve is below half a logger step, and its rms below a tenth."""
@@ -32,7 +38,7 @@ def test_smoothing_removes_the_steps_of_the_logger(digit: float) -> None:
     rng = np.random.default_rng(1)
     logged = np.round((truth + 0.3 * digit * rng.standard_normal(4000)) / digit) * digit
 
-    smooth = smooth_temperature(run_at(logged, 4000))
+    smooth = smoothed(run_at(logged, 4000))
 
     assert np.sqrt(np.mean((smooth - truth) ** 2)) < 0.1 * digit
     assert np.abs(smooth - truth).max() < 0.5 * digit
@@ -42,7 +48,7 @@ def test_a_clean_curve_is_kept() -> None:
     """Without noise or steps, the smoothed temperature equals the logged one."""
     truth = 60.0 + 10.0 * np.sin(np.linspace(0.0, 3.0, 3000))
 
-    smooth = smooth_temperature(run_at(truth, 3000))
+    smooth = smoothed(run_at(truth, 3000))
 
     np.testing.assert_allclose(smooth, truth, atol=0.02)
 
@@ -50,19 +56,14 @@ def test_a_clean_curve_is_kept() -> None:
 @pytest.mark.parametrize("temperature", [-20.0, 25.0, 113.5])
 def test_a_constant_temperature_is_unchanged(temperature: float) -> None:
     """The smooth curve through a constant is the constant."""
-    smooth = smooth_temperature(run_at(np.full(2000, temperature)))
+    smooth = smoothed(run_at(np.full(2000, temperature)))
 
     np.testing.assert_allclose(smooth, temperature, rtol=1e-12)
 
 
-def test_a_run_without_temperature_is_taken_to_be_at_the_reference() -> None:
-    """Ra25 and Kt25 then refer to its unknown temperature, as documented."""
-    np.testing.assert_array_equal(smooth_temperature(run_at(None)), np.full(2000, 25.0))
-
-
 def test_a_run_of_a_few_samples_is_interpolated() -> None:
     """Fewer than eight samples do not support a spline, so their values are used."""
-    smooth = smooth_temperature(run_at(np.array([30.0, 31.0, 32.0]), 3))
+    smooth = smoothed(run_at(np.array([30.0, 31.0, 32.0]), 3))
 
     np.testing.assert_allclose(smooth, [30.0, 31.0, 32.0])
 
@@ -175,7 +176,7 @@ def test_nothing_is_smoothed_across_a_gap_to_another_temperature() -> None:
     segments = tuple((k * 200, (k + 1) * 200) for k in range(40))
     run = replace(run_at(levels + noise, levels.size), segments=segments)
 
-    assert np.abs(smooth_temperature(run) - levels).max() < 0.3
+    assert np.abs(smoothed(run) - levels).max() < 0.3
 
 
 def test_a_gap_without_a_step_does_not_change_the_smoothing() -> None:
@@ -185,4 +186,4 @@ def test_a_gap_without_a_step_does_not_change_the_smoothing() -> None:
     whole = run_at(logged, truth.size)
     cut = replace(whole, segments=tuple((k * 40, (k + 1) * 40) for k in range(100)))
 
-    np.testing.assert_array_equal(smooth_temperature(cut), smooth_temperature(whole))
+    np.testing.assert_array_equal(smoothed(cut), smoothed(whole))
