@@ -55,15 +55,13 @@ class Convergence:
     r_hat_max: float
     """Largest split R-hat over the dimensions [-]."""
     reached: bool
-    """True if the chain has the required number of autocorrelation times, and R-hat is at most
-    `LARGEST_R_HAT`."""
+    """True if the chain has `REQUIRED_LENGTH`, and R-hat is at most `LARGEST_R_HAT`."""
 
 
-def convergence_of(chain: Array, acceptance: float, lengths: float) -> Convergence:
-    """Diagnostics of a chain (n_step, n_walker, n_dim) after burn-in.
+def convergence_of(chain: Array, acceptance: float) -> Convergence:
+    """Diagnostics of a chain (n_step, n_walker, n_dim), and its fraction of accepted proposals [-].
 
-    `acceptance` is the mean fraction of accepted proposals [-], `lengths` the required length of
-    the chain [autocorrelation times].
+    The chain has no burn-in.
     """
     steps, walkers, _ = chain.shape
     tau = np.maximum(autocorrelation_times(chain), 1.0)
@@ -76,7 +74,7 @@ def convergence_of(chain: Array, acceptance: float, lengths: float) -> Convergen
         autocorrelation_time=longest,
         ess_min=float(steps * walkers / longest),
         r_hat_max=r_hat,
-        reached=bool(steps >= lengths * longest and r_hat <= LARGEST_R_HAT),
+        reached=bool(steps >= REQUIRED_LENGTH * longest and r_hat <= LARGEST_R_HAT),
     )
 
 

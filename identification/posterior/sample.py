@@ -196,7 +196,7 @@ def _replaced(found: Sample, posterior: Posterior, seed: int, work: float) -> Sa
 def _convergence(sampler: emcee.EnsembleSampler, burn: int) -> Convergence:
     """Convergence diagnostics after burn-in, for the stopping rule and for the report."""
     accepted = float(np.mean(sampler.acceptance_fraction))
-    return convergence_of(sampler.get_chain(discard=burn), accepted, REQUIRED_LENGTH)
+    return convergence_of(sampler.get_chain(discard=burn), accepted)
 
 
 def _burn_in(done: int, tau: float) -> int:

@@ -30,7 +30,7 @@ def test_the_autocorrelation_time_is_that_of_the_process(pole: float) -> None:
     """Closed form for an autoregressive process of order one: (1 + pole) / (1 - pole)."""
     chain = autoregressive(4000, 32, pole, seed=1)
 
-    found = convergence_of(chain, acceptance=0.5, lengths=50.0)
+    found = convergence_of(chain, acceptance=0.5)
 
     expected = (1 + pole) / (1 - pole)
     assert found.autocorrelation_time == pytest.approx(expected, rel=0.15)
@@ -64,7 +64,7 @@ def test_a_chain_shorter_than_required_is_reported() -> None:
     """Fifty times of 19 steps require 950 steps; the chain has 400."""
     chain = autoregressive(400, 32, 0.9, seed=2)
 
-    assert not convergence_of(chain, acceptance=0.5, lengths=50.0).reached
+    assert not convergence_of(chain, acceptance=0.5).reached
 
 
 def test_r_hat_of_independent_draws_is_one() -> None:
