@@ -51,7 +51,6 @@ class Disturbance(AbstractTorque, AbstractVoltage):
 
     name = "disturbance"
     drivers = ()
-    source = "Kristensen, Madsen, Jorgensen, Computers & Chemical Engineering 28 (2004) 225-237"
     parameters = (
         Parameter("voltage", "V", "missing voltage"),
         Parameter("torque", "N m", "missing torque"),

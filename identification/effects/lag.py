@@ -62,11 +62,6 @@ _ROOT: Final = np.linalg.qr(_waves(_POINTS) / np.sqrt(_POINTS.size)).R
 """Matrix whose product with the amplitudes has the mean square of the error as its square."""
 
 
-def _movement(scales: CampaignScales) -> float:
-    """Largest range of the logged temperature within a record [K]."""
-    return max(float(np.ptp(record.column("temperature"))) for record in scales.records)
-
-
 def _movement_of_runs(scales: CampaignScales) -> float:
     """Largest range of the logged temperature within a run, of which a record may be a part [K]."""
     logs = [(record.run, record.column("temperature")) for record in scales.records]
@@ -110,7 +105,7 @@ class _Lag(AbstractEffect, AbstractTemperature):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        if _movement(scales) < _LEAST_MOVEMENT:
+        if max(np.ptp(record.column("temperature")) for record in scales.records) < _LEAST_MOVEMENT:
             return []
         term = cls(scales.duration / 200, max(scales.run_duration * 5, THERMAL_S))
         return [Candidate(term, columns(*[(f * scales.duration,) for f in _SCANNED]))]

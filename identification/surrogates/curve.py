@@ -211,7 +211,7 @@ class AbstractCurve(AbstractForced):
             value = getattr(signals, name)
         if self.along.startswith("size of "):
             value = ca.sqrt(value * value + (0.1 * self.zero) ** 2)
-        if self.along not in ("temperature",):
+        if self.along != "temperature":
             ratio = value / self.zero
             value = ca.log(ratio + ca.sqrt(ratio * ratio + 1))
         return value

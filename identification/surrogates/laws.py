@@ -36,6 +36,11 @@ from identification.model.term import (
 __all__ = ["AngularFriction", "Backlash", "CurrentSaturation", "DahlFriction", "SupplySag"]
 
 _HARMONICS: Final = 4
+_LEVELS: Final = (
+    "level",
+    *(f"{wave}_{k}" for k in range(1, _HARMONICS + 1) for wave in ("sine", "cosine")),
+)
+"""Amplitudes of a friction that is periodic in the shaft angle."""
 _LEAST_TURNS: Final = 1.0
 _STEEP: Final = 3e-3
 """Width of the smoothed sign of the speed, over the speed scale."""
@@ -75,12 +80,12 @@ class AngularFriction(AbstractForced, AbstractTorque):
         if self.free:
             return ()
         return tuple(
-            amplitude(name, "N m", name, self.torque_size, signed=True) for name in _names()
+            amplitude(name, "N m", name, self.torque_size, signed=True) for name in _LEVELS
         )
 
     @property
     def states(self) -> tuple[State, ...]:
-        names = _names() if self.free else []
+        names = _LEVELS if self.free else ()
         return tuple(State(name, "N m", scale=self.torque_size, is_own=True) for name in names)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -106,8 +111,8 @@ class AngularFriction(AbstractForced, AbstractTorque):
         if turned < _LEAST_TURNS:
             return []
         shared = (scales.torque, scales.speed)
-        starts = 0.05 * scales.torque * np.eye(len(_names()))
-        return [Candidate(cls(*shared, False), starts, joint=len(_names()), fitted=cls(*shared))]
+        starts = 0.05 * scales.torque * np.eye(len(_LEVELS))
+        return [Candidate(cls(*shared, False), starts, joint=len(_LEVELS), fitted=cls(*shared))]
 
 
 @dataclass(frozen=True)
@@ -159,11 +164,6 @@ class DahlFriction(AbstractEffect, AbstractTorque):
         scanned = np.geomspace(2 * nearest, farthest / 3, 5)
         starts = [(0.05 * scales.torque, float(d)) for d in scanned]
         return [Candidate(cls(scales.torque, scales.speed, nearest, farthest), columns(*starts))]
-
-
-def _names() -> list[str]:
-    waves = [f"{wave}_{k}" for k in range(1, _HARMONICS + 1) for wave in ("sine", "cosine")]
-    return ["level", *waves]
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,10 @@ from identification.model.term import (
 __all__ = ["MissingTorqueRipple", "MissingVoltageRipple", "SpeedRipple"]
 
 _HARMONICS: Final = 3
+_WAVES: Final = tuple(
+    f"{wave}_{order}" for order in range(1, _HARMONICS + 1) for wave in ("sine", "cosine")
+)
+"""Amplitudes of a ripple in time."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +66,6 @@ class _Ripple(AbstractForced):
     def variant(self) -> str:
         return f"periodic in time, in the {self.equation} equation"
 
-    def _names(self) -> list[str]:
-        return [
-            f"{wave}_{order}" for order in range(1, _HARMONICS + 1) for wave in ("sine", "cosine")
-        ]
-
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         shared = (
@@ -85,12 +84,12 @@ class _Ripple(AbstractForced):
         if self.free:
             return shared
         return shared + tuple(
-            amplitude(name, self.unit, name, self.size, signed=True) for name in self._names()
+            amplitude(name, self.unit, name, self.size, signed=True) for name in _WAVES
         )
 
     @property
     def states(self) -> tuple[State, ...]:
-        names = self._names() if self.free else []
+        names = _WAVES if self.free else ()
         return tuple(State(name, self.unit, scale=self.size, is_own=True) for name in names)
 
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
