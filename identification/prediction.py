@@ -10,7 +10,7 @@ thermometer in coarse steps, it is fitted to the run.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -31,7 +31,7 @@ from identification.model.simulate import Simulator
 from identification.result.numbers import finite
 from identification.surrogates.entry import term_of
 
-__all__ = ["model_of", "predict", "simulation_of"]
+__all__ = ["hottest_of", "model_of", "predict", "simulation_of"]
 
 
 @np.errstate(all="ignore")
@@ -79,9 +79,7 @@ def simulation_of(
     model, values = model_of(result, declared)
     model = replace(model, terms=tuple(term.predicting for term in model.terms))
     before = _before(result, run)
-    peaks = [_known(r, "hottest_degC", "a run of the result") for r in before]
-    hottest = max((peak for peak in peaks if peak is not None), default=-np.inf)
-    records = records_of([run], len(before), hottest)
+    records = records_of([run], len(before), hottest_of(before, -np.inf))
     if _object(result, "declared").get("voltage") == "smoothed":
         records = [record.with_smooth_voltage() for record in records]
     noise = _object({"noise": result.get("noise") or {}}, "noise")
@@ -122,6 +120,16 @@ def model_of(result: Mapping[str, Any], declared: bool = False) -> tuple[MotorMo
         _value(parameter, {**own, **entries}.get(parameter.name)) for parameter in model.parameters
     ]
     return model, np.array(values)
+
+
+def hottest_of(runs: Iterable[Mapping[str, Any]], otherwise: float) -> float:
+    """Highest temperature that runs of a result have logged; `otherwise` if none has any [degC].
+
+    Raises:
+        InputError: A temperature is neither a finite number nor null.
+    """
+    peaks = [_known(run, "hottest_degC", "a run of the result") for run in runs]
+    return max((peak for peak in peaks if peak is not None), default=otherwise)
 
 
 def _value(parameter: Parameter, entry: object) -> float:

@@ -24,6 +24,7 @@ from identification.design.response import Conditions
 from identification.errors import InputError, OptionError
 from identification.nameplate import nameplate_of
 from identification.numerals import decimal_of
+from identification.prediction import hottest_of
 from identification.speed_loop.spread import checked_temperatures
 
 __all__ = ["UNITS", "DesignOptions", "Limits", "Task", "task_of_nameplate", "task_of_result"]
@@ -185,7 +186,6 @@ def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
     fast, _ = time_constants(models)
     rows, interval = _grid(options, float(np.median(rates)), float(np.median(spans)), fast)
     controllers = (result.get("options") or {}).get("controllers") or ["P:1"]
-    peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
     limits = _limits(options, known)
     return Task(
         models=tuple(models),
@@ -199,7 +199,7 @@ def task_of_result(result: Mapping[str, Any], options: DesignOptions) -> Task:
         noise=np.array(noise, dtype=np.float64),
         seed=options.seed,
         earlier=len(result["runs"]),
-        hottest=max(peaks, default=-np.inf),
+        hottest=hottest_of(runs, -np.inf),
     )
 
 

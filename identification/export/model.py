@@ -34,7 +34,7 @@ from identification.model.term import (
     Signals,
     Values,
 )
-from identification.prediction import model_of
+from identification.prediction import hottest_of, model_of
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 from identification.result.numbers import finite
 
@@ -173,7 +173,6 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
     rates = [finite(run.get("sample_rate_hz")) for run in runs if run.get("role") == "training"]
     rate = float(np.median([r for r in rates if r] or [1.0 / _USUAL_INTERVAL]))
     interval = next((t.interval for t in new.delays), float(f"{1.0 / rate:.9g}"))
-    peaks = [finite(run.get("hottest_degC")) for run in runs]
     span = _span(result)
     stiffness = _stiffness(new, own, span) * interval
     if not stiffness > 0.0:
@@ -182,7 +181,7 @@ def exported_model(result: Mapping[str, Any]) -> Exported:
             "'motorid fit'"
         )
     return Exported(
-        new, own, interval, span, max([p for p in peaks if p is not None], default=25.0),
+        new, own, interval, span, hottest_of(runs, REFERENCE_TEMPERATURE_DEGC),
         plan_for(_MARGIN * stiffness), tuple(notes),
     )  # fmt: skip
 

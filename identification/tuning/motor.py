@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from identification.arrays import Array, evenly
 from identification.errors import InputError, OptionError
 from identification.model.composite import MotorModel
-from identification.prediction import model_of
+from identification.prediction import hottest_of, model_of
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 from identification.speed_loop.closed_loop import acting_terms
 from identification.speed_loop.loop import motor_draws, plant
@@ -71,8 +71,7 @@ def motor_of(
     model = MotorModel(acting_terms(whole))
     omitted = tuple(term.name for term in whole.terms if term not in model.terms)
     runs = [run for run in (result or {}).get("runs") or () if isinstance(run, Mapping)]
-    peaks = [run["hottest_degC"] for run in runs if run.get("hottest_degC") is not None]
-    peak = max(peaks, default=REFERENCE_TEMPERATURE_DEGC)
+    peak = hottest_of(runs, REFERENCE_TEMPERATURE_DEGC)
     nominal = motor_draws({"alpha_Ra": 0.0, "alpha_Kt": 0.0, **draws}, [0.0])
     count = nominal["J"].size
     rows = dict(nominal)
@@ -84,6 +83,4 @@ def motor_of(
     if not nominal["Kt25"].all():
         raise OptionError("Kt25 is 0 N m/A; expected a number above 0: no controller moves it")
     rows = with_some_inductance(rows)
-    return UncertainMotor(
-        model, np.array([rows[p.name] for p in model.parameters]), omitted, float(peak)
-    )
+    return UncertainMotor(model, np.array([rows[p.name] for p in model.parameters]), omitted, peak)

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 
 from identification.errors import IdentificationError, InputError
 from identification.ingest import Run
-from identification.prediction import predict
+from identification.prediction import hottest_of, predict
 from identification.quantities import DECLARED_PARAMETERS
 from identification.result.draws import normal_draws
 from identification.result.tables import TableName, result_table
+from identification.tuning import motor_of
 from tests.motors import NAMES, motor_named
 
 SERVO = motor_named("servo 100 W")
@@ -147,3 +148,19 @@ def test_message_names_the_edited_value(place: tuple[Any, ...], value: object, w
     """The expected words are the place and the value that were edited."""
     with pytest.raises(InputError, match=words):
         predict(edited(place, value), RUN)
+
+
+def test_tuning_refuses_the_same_edited_temperature() -> None:
+    """The prediction and the tuning of a motor need the highest temperature that it has had."""
+    draws = {name: [value] for name, value in zip(NAMES, SERVO.values, strict=True)}
+
+    with pytest.raises(InputError, match="a run of the result has the hottest_degC 'hot'"):
+        motor_of(draws, edited(("runs", 0, "hottest_degC"), "hot"))
+
+
+def test_runs_without_a_temperature_do_not_count() -> None:
+    """Of three runs, one has logged 60 degC; of none, the given temperature holds."""
+    runs: list[dict[str, Any]] = [{"hottest_degC": None}, {"hottest_degC": 60}, {}]
+
+    assert hottest_of(runs, 25.0) == 60.0
+    assert hottest_of(runs[:1], 25.0) == 25.0
