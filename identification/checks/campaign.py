@@ -13,7 +13,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.balance import Signals, has_signal, signals_of
-from identification.checks.coasting import coasting_of
+from identification.checks.coasting import coastings_of
 from identification.checks.consistency import consistency_findings, estimate_of
 from identification.checks.dead import (
     copied_findings,
@@ -75,8 +75,8 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     omissions: list[Omission] = []
-    for omission_of in (_limit_of, coasting_of, stalled_of):
-        pairs = [(run, omission_of(run)) for run in runs]
+    for omissions_of in (_limits_of, coastings_of, _stalls_of):
+        pairs = list(zip(runs, omissions_of(runs), strict=True))
         runs = tuple(without(run, one.samples) if one else run for run, one in pairs)
         omissions += [one for _, one in pairs if one]
     joints = [(run, joints_of(run)) for run in runs]
@@ -117,6 +117,14 @@ def _limit_of(run: Run) -> Omission | None:
     """Limit of the current, unless a held voltage in its place looks like one."""
     limit = current_limit_of(run)
     return None if limit and any(identity_findings(run, signals_of(run))) else limit
+
+
+def _limits_of(runs: Sequence[Run]) -> list[Omission | None]:
+    return [_limit_of(run) for run in runs]
+
+
+def _stalls_of(runs: Sequence[Run]) -> list[Omission | None]:
+    return [stalled_of(run) for run in runs]
 
 
 def _sizes(run: Run) -> Array:

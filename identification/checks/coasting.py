@@ -12,6 +12,7 @@ filter of the current sensor, through which the current ends slowly.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -23,7 +24,7 @@ from identification.checks.finding import Omission, omission
 from identification.checks.limited import noise_of
 from identification.ingest.run import Run
 
-__all__ = ["all_marked", "coasting_of", "without_pauses"]
+__all__ = ["all_marked", "coasting_of", "coastings_of", "without_pauses"]
 
 _NEAR: Final = 4.0
 """Noise deviations within which a signal is zero."""
@@ -44,14 +45,26 @@ _ZERO: Final = 0.1
 """Largest zero error of the current sensor, over the largest current."""
 
 
-def coasting_of(run: Run) -> Omission | None:
-    """Samples of a run at which the bridge is off; None if there are none."""
+def coastings_of(runs: Sequence[Run]) -> list[Omission | None]:
+    """Samples of each run at which the bridge is off; None for a run without."""
+    found = [coasting_of(run) for run in runs]
+    if not any(found):
+        return found
+    pairs = zip(runs, found, strict=True)
+    return [one or coasting_of(run, fastest_share=0.0) for run, one in pairs]
+
+
+def coasting_of(run: Run, fastest_share: float = _FAST) -> Omission | None:
+    """Samples of a run at which the bridge is off; None if there are none.
+
+    Only samples above `fastest_share` of the highest speed prove it.
+    """
     signals = signals_of(run, samples=run.rows)
     idle, undriven = _idle(signals)
     if not undriven.any():
         return None
     turning = idle & _moves(signals)
-    braking = max(_braking(signals, turning, length) for length in _LENGTHS)
+    braking = max(_braking(signals, turning, length, fastest_share) for length in _LENGTHS)
     if braking < _BRAKING:
         return None
     return omission(
@@ -110,7 +123,7 @@ def _falls(current: Array, undriven: Bool, near: float) -> Bool:
     return np.repeat(falls, lengths) & undriven
 
 
-def _braking(signals: Signals, idle: Bool, length: int) -> float:
+def _braking(signals: Signals, idle: Bool, length: int, fastest_share: float) -> float:
     """Lower quartile of the braking current that the idle samples lack; 0 if it is unknown.
 
     The current is predicted over windows of `length` intervals, in deviations.
@@ -123,7 +136,7 @@ def _braking(signals: Signals, idle: Bool, length: int) -> float:
         (x[1:] + x[:-1]) / (2.0 * length)
         for x in (_sums(signals.current, length), _sums(signals.speed, length))
     )
-    fast = held & (np.abs(w) > _FAST * float(np.abs(signals.speed).max()))
+    fast = held & (np.abs(w) > fastest_share * float(np.abs(signals.speed).max()))
     used = joined & ~_any(idle, length + 1)
     if np.count_nonzero(fast) < _FEWEST or np.count_nonzero(used) < _REGRESSED:
         return 0.0

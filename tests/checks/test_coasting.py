@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from identification.checks import check_runs
 from identification.checks.campaign import admitted
-from identification.checks.coasting import coasting_of
+from identification.checks.coasting import coasting_of, coastings_of
 from identification.fit.declared import fit_declared
 from identification.ingest import Run
 from identification.model.excitation import records_of
@@ -22,13 +22,17 @@ from tests.checks.test_limited import KT, NOISE, RA, STEP, B, J, L, deviations
 ROWS, BLOCK = 3000, 60
 
 
-def duty_run(seed: int, *, coasts: bool, noise: float = 1.0, drop: float = 0.0) -> Run:
+def duty_run(
+    seed: int, *, coasts: bool, noise: float = 1.0, drop: float = 0.0, before: float = 1.0
+) -> Run:
     """Steps of a duty between pauses, in which the bridge is off or shorts the motor.
 
     Off, no current flows and the friction alone slows the motor.  The brushes lose `drop` volts.
+    The steps before the pauses are smaller by the factor `before`.
     """
     rng = np.random.default_rng(seed)
-    levels = np.where(np.arange(ROWS // BLOCK) % 3 == 2, 0.0, rng.uniform(-24.0, 24.0, 50))
+    sizes = np.array([1.0, before, 0.0])[np.arange(ROWS // BLOCK) % 3]
+    levels = sizes * rng.uniform(-24.0, 24.0, 50)
     command = np.repeat(levels, BLOCK)
     matrix = np.array([[-RA / L, -KT / L, 1.0 / L], [KT / J, -B / J, 0.0], [0.0, 0.0, 0.0]])
     fine = 20 if drop else 1
@@ -73,6 +77,25 @@ def test_samples_of_a_coasting_motor_are_omitted(seed: int, noise: float) -> Non
 def test_motor_that_is_braked_does_not_coast(seed: int, drop: float) -> None:
     """A shorted motor has its braking current, until the brushes take the induced voltage."""
     assert coasting_of(duty_run(seed, coasts=False, drop=drop)) is None
+
+
+def test_a_bridge_that_is_off_in_one_run_is_off_in_slow_pauses_of_another() -> None:
+    """At low speed, brushes might stop the current; another run shows that the bridge is off."""
+    fast, slow = duty_run(0, coasts=True), duty_run(1, coasts=True, before=0.1)
+    found = coastings_of([fast, slow])
+    pauses = (slow.voltage == 0.0) & (np.abs(slow.speed) > 0.05 * np.abs(slow.speed).max())
+
+    assert coasting_of(slow) is None
+    assert found[1] is not None
+    assert np.mean(found[1].samples[pauses]) > 0.9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_run_that_is_braked_does_not_coast_beside_one_that_does(seed: int) -> None:
+    """A bridge that shorts the motor in this run has its braking current at any speed."""
+    runs = [duty_run(0, coasts=True), duty_run(seed + 1, coasts=False, drop=0.5)]
+
+    assert coastings_of(runs)[1] is None
 
 
 def as_a_maker_logs_it(run: Run, zero: float = 0.0) -> Run:
