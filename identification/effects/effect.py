@@ -13,7 +13,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar, Literal, Self, TypeVar
+from typing import ClassVar, Final, Literal, Self, TypeVar
 
 from identification.arrays import Array
 from identification.effects.confusion import Confusion
@@ -28,6 +28,7 @@ from identification.model.term import (
 )
 
 __all__ = [
+    "EACH_RUN",
     "REGISTERED",
     "AbstractEffect",
     "AbstractForced",
@@ -44,6 +45,9 @@ Effect = TypeVar("Effect", bound="type[AbstractEffect]")
 
 Scope = Literal["all runs", "some runs", "one span"]
 """Part of a campaign in which an effect acts."""
+
+EACH_RUN: Final = "separate value for each run"
+"""Variant of an effect whose size is free in each record."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from identification.effects.confusion import CONSTANT_TORQUE, SINGLE_RUN
 from identification.effects.effect import (
+    EACH_RUN,
     AbstractEffect,
     AbstractRunEffect,
     CampaignScales,
@@ -107,26 +108,55 @@ class LoadTorque(AbstractEffect, AbstractTorque):
     """Constant external torque, such as that of a hanging weight.
 
     tau = -T_l                                                          [N m]
+
+    If the weight is another one in each run, the torque is free in each record, as a constant
+    state.  The setting `torque_size` in a result is then the root mean square of these torques
+    [N m].
     """
 
     torque_size: float
     """Torque scale [N m]."""
+    own: bool = False
+    """True if the torque is free in each record."""
 
     name = "load_torque"
+    amplitude_scale = "torque_size"
     confusions = (CONSTANT_TORQUE,)
     drivers = ()
     source = "Krishnan, Electric Motor Drives (2001), section 2.3"
 
     @property
+    def variant(self) -> str:
+        """The separate torques, if there are any."""
+        return EACH_RUN if self.own else ""
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
-        return (amplitude("torque", "N m", "constant load torque", self.torque_size, signed=True),)
+        constant = amplitude("torque", "N m", "constant load torque", self.torque_size, signed=True)
+        return () if self.own else (constant,)
+
+    @property
+    def varies(self) -> bool:
+        return self.own
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        return (State("torque", "N m", scale=self.torque_size, is_own=True),) if self.own else ()
+
+    @property
+    def richer(self) -> tuple[LoadTorque, ...]:
+        """The variant with a torque free in each record, unless it is that already."""
+        return () if self.own else (replace(self, own=True),)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        return -values.torque
+        return -states.torque if self.own else -values.torque
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        return [Candidate(cls(scales.torque), columns((0.05 * scales.torque,)))]
+        """One torque in all runs and, with several runs, one that is free in each record."""
+        constant = Candidate(cls(scales.torque), columns((0.05 * scales.torque,)))
+        own = replace(constant, fitted=cls(scales.torque, own=True))
+        return [constant, own] if len(scales.runs) > 1 else [constant]
 
 
 @register

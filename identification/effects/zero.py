@@ -7,7 +7,13 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 from identification.effects.confusion import CONSTANT_TORQUE, CONSTANT_VOLTAGE
-from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.effect import (
+    EACH_RUN,
+    AbstractEffect,
+    CampaignScales,
+    Candidate,
+    register,
+)
 from identification.effects.parameters import amplitude, columns
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -22,7 +28,6 @@ from identification.model.term import (
 __all__ = ["CurrentOffset", "SpeedOffset", "VoltageOffset"]
 
 _DRIFTING: Final = "drift from run to run"
-_EACH_RUN: Final = "separate value for each run"
 _FEWEST_RUNS: Final = 3
 """Least number of runs that reveal a drift from run to run."""
 
@@ -111,7 +116,7 @@ class CurrentOffset(_SensorZero):
 
     @property
     def variant(self) -> str:
-        return _EACH_RUN if self.own else super().variant
+        return EACH_RUN if self.own else super().variant
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
