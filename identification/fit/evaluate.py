@@ -61,10 +61,13 @@ def simulate_fitted(fit: Fit) -> list[Simulated]:
     ]
 
 
-def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False) -> list[Simulated]:
+def simulate_unseen(
+    fit: Fit, records: Sequence[Record], *, whole: bool = False, most: float = 1.0
+) -> list[Simulated]:
     """Simulate validation records from their inputs and their first samples alone.
 
-    Initial states are fitted to the heads of the records, or to whole records.
+    Initial states are fitted to the heads of the records, or to whole records, of which the
+    fraction `most` counts.
     """
     if not records:
         return []
@@ -73,7 +76,7 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
     )
     simulator = Simulator.fitting(fit.simulator.model, records, fit.values)
     deviation = fit.weighting.deviation
-    states = fitted_initial_states(simulator, fit.values, deviation, whole=whole)
+    states = fitted_initial_states(simulator, fit.values, deviation, whole=whole, most=most)
     if whole:
         simulator, states = _tracked(simulator, fit.values, states, deviation)
     if fit.simulator.substeps is not None:
@@ -86,20 +89,21 @@ def simulate_unseen(fit: Fit, records: Sequence[Record], *, whole: bool = False)
 
 
 def simulate_most_alike(
-    fit: Fit, records: Sequence[Record], *, whole: bool = False
+    fit: Fit, records: Sequence[Record], *, whole: bool = False, most: float = 1.0
 ) -> list[Simulated]:
     """Simulate validation records, each as one of the runs that it is most like.
 
     What several runs have in common, such as a disk on the shaft, a further run may have or not;
     only its own samples show which.
     """
-    found = simulate_unseen(fit, records, whole=whole)
+    found = simulate_unseen(fit, records, whole=whole, most=most)
     for term in effects_of(fit.simulator.model.terms):
         if term.scope != "some runs" or not isinstance(term, AbstractRunEffect) or not term.others:
             continue
         run = float(term.runs[0])
         there = [record.with_inputs({"run": np.full(record.rows, run)}) for record in records]
-        pairs = zip(found, simulate_unseen(fit, there, whole=whole), strict=True)
+        others = simulate_unseen(fit, there, whole=whole, most=most)
+        pairs = zip(found, others, strict=True)
         found = [min(pair, key=lambda one: _misfit(one, fit)) for pair in pairs]
     return found
 

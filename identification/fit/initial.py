@@ -45,6 +45,7 @@ def fitted_initial_states(
     deviation: Array,
     *,
     whole: bool = False,
+    most: float = 1.0,
     start: tuple[Array, ...] | None = None,
 ) -> tuple[Array, ...]:
     """Initial state (n_state,) of every record of `simulator`, with the parameters held.
@@ -52,9 +53,11 @@ def fitted_initial_states(
     The values are (n_parameter,) physical, the noise of current and speed is (2,) [A, rad/s].
     Whole records are fitted if `whole`, as for a phase that the head does not determine.  Except
     for a temperature, the fitted part then grows in steps, since an initial phase error prevents
-    convergence over a whole record.  A close start is improved on the last part at once.
+    convergence over a whole record.  A close start is improved on the last part at once.  Only the
+    fraction `most` of each record is fitted, so that the rest is predicted, except for an error of
+    the temperature, of which no part of a record predicts another.
     """
-    shares = _shares(simulator.model, whole)
+    shares = _shares(simulator.model, whole, most)
     if start is not None:
         return _fitted_to_heads(simulator, values, deviation, shares[-1], start)
     states = tuple(initial_states(simulator.model, record) for record in simulator.records)
@@ -63,13 +66,15 @@ def fitted_initial_states(
     return states
 
 
-def _shares(model: MotorModel, whole: bool) -> tuple[float, ...]:
+def _shares(model: MotorModel, whole: bool, most: float) -> tuple[float, ...]:
     """Fractions of a record that are fitted in turn."""
     own = [term for term in model.terms if any(state.is_own for state in term.states)]
     if own and all(isinstance(term, AbstractTemperature) for term in own):
         return _WHOLE
     has_temperature = any(isinstance(term, AbstractTemperature) for term in own)
-    return _GROWING if whole or has_temperature else _HEAD
+    if has_temperature:
+        return _GROWING
+    return tuple(min(share, most) for share in _GROWING) if whole else _HEAD
 
 
 def _fitted_to_heads(

@@ -20,12 +20,13 @@ criteria.  None of them was tuned on a simulator.
    size differs from run to run is exempt from the share only: a zero error of each run may by
    chance be small in the validation runs, which still have to prefer it.  The validation
    noise level is only as certain as the kurtosis of the residual allows: a few outliers raise it
-   although no effect is missing.  Per-record amplitudes are fitted to the validation runs, because
-   a phase cannot be predicted.  Runs in which the effect would change so little that it cannot be
-   preferred by twenty to one in the mean are no judges of it: they may only not contradict it
-   (decision 0036).  The falls are fractions of the error, not of its logarithm: that
-   of an effect that causes nearly all of the training error has no bound, and validation runs with
-   an error of their own cannot confirm a quarter of it.
+   although no effect is missing.  Per-record amplitudes are fitted to the first half of each
+   validation record, because a phase cannot be predicted, and have to predict the second one.
+   Runs in which the effect would change so little that it cannot be preferred by twenty to one in
+   the mean are no judges of it: they may only not contradict it (decision 0036).  The falls are
+   fractions of the error, not of its logarithm: that of an effect that causes nearly all of the
+   training error has no bound, and validation runs with an error of their own cannot confirm a
+   quarter of it.
 
 Source: Schwarz, Annals of Statistics 6 (1978), 461-464; Zhang and Siegmund, Biometrics 63 (2007),
 22-32.

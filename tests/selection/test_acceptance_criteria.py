@@ -189,8 +189,10 @@ def test_a_term_without_which_a_validation_run_diverges_is_kept(
     work, declared, current = _with_friction()
     runs = work.campaign
 
-    def diverging(fit: Fit, records: Sequence[Record], *, whole: bool) -> list[Simulated]:
-        found = simulate_most_alike(fit, records, whole=whole)
+    def diverging(
+        fit: Fit, records: Sequence[Record], *, whole: bool, most: float
+    ) -> list[Simulated]:
+        found = simulate_most_alike(fit, records, whole=whole, most=most)
         return [replace(each, logged=np.full_like(each.logged, np.nan)) for each in found]
 
     monkeypatch.setattr(validation, "simulate_most_alike", diverging)
