@@ -52,15 +52,16 @@ class Preview:
     """Records of the readable runs; empty if they do not suffice for a fit."""
 
     def with_prospects(self) -> Preview:
-        """The preview with the expected precision, unless runs contradict."""
+        """The preview with expected precision, unless runs contradict, and suspicions."""
         if not self.records or any(f.severity == "refuse" for f in self.findings):
             return self
         try:
-            prospects, found = prospects_of(self.records, excitation_of(self.runs))
+            prospects, unusual, found = prospects_of(self.records, excitation_of(self.runs))
         except IdentificationError as error:
             note = f"the expected precision cannot be computed: {error}"
             return replace(self, notes=(*self.notes, note))
-        return replace(self, prospects=tuple(prospects), notes=(*found, *self.notes))
+        findings, notes = (*self.findings, *unusual), (*found, *self.notes)
+        return replace(self, prospects=tuple(prospects), findings=findings, notes=notes)
 
     @property
     def is_accepted(self) -> bool:

@@ -24,12 +24,14 @@ period of the bandwidth, 1.6 in a time constant, are the rule.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from identification.checks.finding import Finding
+from identification.checks.plausible import time_constant_findings
 from identification.design.models import TYPICAL_ELECTRICAL_S
 from identification.diagnosis.residual import pooled_errors
 from identification.fit.campaign import Campaign
@@ -93,8 +95,8 @@ class Prospect:
 
 def prospects_of(
     records: Sequence[Record], excitation: Excitation
-) -> tuple[list[Prospect], list[str]]:
-    """Expected precision of each nominal parameter, and notes on the runs together.
+) -> tuple[list[Prospect], list[Finding], list[str]]:
+    """Expected precision of each nominal parameter, suspicions about it, and notes on the runs.
 
     Raises:
         ComputationError: The nominal model cannot be simulated.
@@ -114,10 +116,7 @@ def prospects_of(
     values, interval = {n: p.estimate for n, p in precision.items()}, sample_interval(records)
     known = {name for name, p in precision.items() if p.sd / gain < p.limit}
     is_typical = not {"Ra25", "L"} <= known
-    if is_typical:
-        values["L"] = TYPICAL_ELECTRICAL_S * values["Ra25"]
-    if not {"Ra25", "Kt25", "J"} <= known:
-        values["J"] = max(values["J"], _inertia_of_a_fast_motor(values))
+    values |= _assumed(values, known)
     poor = _poor_fit_note(fit)
     # A model that explains little has no time constants.
     passed = {} if poor else _unresolved(values, interval)
@@ -148,7 +147,26 @@ def prospects_of(
             Prospect(parameter.name, bound.estimate, parameter.unit, sd, lacking < 1.0, advice)
         )
     first = poor or sampling_note(values, interval, is_typical)
-    return found, [*([first] if first else []), *map(str, campaign.warnings)]
+    notes = ([first] if first else []) + [str(warning) for warning in campaign.warnings]
+    return found, [] if poor else _unusual(found), notes
+
+
+def _assumed(values: Mapping[str, float], known: Set[str]) -> dict[str, float]:
+    """Values of an inductance and an inertia that the runs do not determine; see the module."""
+    assumed = {}
+    if not {"Ra25", "L"} <= known:
+        assumed["L"] = TYPICAL_ELECTRICAL_S * values["Ra25"]
+    if not {"Ra25", "Kt25", "J"} <= known:
+        assumed["J"] = max(values["J"], _inertia_of_a_fast_motor(values))
+    return assumed
+
+
+def _unusual(prospects: Sequence[Prospect]) -> list[Finding]:
+    """Suspicions about time constants that the runs determine and motors do not have."""
+    return time_constant_findings(
+        {one.name: one.value for one in prospects},
+        {one.name: one.identified for one in prospects},
+    )
 
 
 def _poor_fit_note(fit: Fit) -> str:

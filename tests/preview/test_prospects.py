@@ -12,6 +12,7 @@ import pytest
 from identification import FitOptions, identify
 from identification.ingest.run import Run
 from identification.model.excitation import records_of
+from identification.preview import check
 from identification.preview.excitation import excitation_of
 from identification.preview.prospects import Prospect, prospects_of
 from tests.motors import NAMES, campaign, drive, motor_named, run_of
@@ -21,7 +22,7 @@ SERVO = motor_named("servo 100 W")
 
 def prospects(runs: Sequence[Run]) -> dict[str, Prospect]:
     """Expected precision by parameter."""
-    found, _ = prospects_of(records_of(runs), excitation_of(runs))
+    found, *_ = prospects_of(records_of(runs), excitation_of(runs))
     return {prospect.name: prospect for prospect in found}
 
 
@@ -128,10 +129,30 @@ def test_current_logged_with_another_gain_does_not_mix_two_motors() -> None:
     runs = noisy([25.0, 25.0], rows=2000, noise=1e-3, seed=4)
     half = replace(runs[1], current=0.5 * runs[1].current)
 
-    found, [note] = prospects_of(records_of([runs[0], half]), excitation_of(runs))
+    found, _, [note] = prospects_of(records_of([runs[0], half]), excitation_of(runs))
 
     inertia = next(prospect for prospect in found if prospect.name == "J")
     assert inertia.value == pytest.approx(
         dict(zip(NAMES, SERVO.values, strict=True))["J"], rel=0.02
     )
     assert "reads differently in run2.csv (0.5 times)" in note
+
+
+def test_filter_of_the_current_sensor_that_looks_like_an_inductance_is_suspected() -> None:
+    """A low-pass of 60 ms gives L with a small deviation, at an L / Ra that no motor has."""
+    runs = noisy([25.0, 25.0], rows=2000, noise=1e-3, seed=6)
+    assert not check(runs).findings
+    smoothed = []
+    for run in runs:
+        share = 1.0 - np.exp(-np.median(np.diff(run.time)) / 0.06)
+        current = run.current.copy()
+        for k in range(1, current.size):
+            current[k] = current[k - 1] + share * (run.current[k] - current[k - 1])
+        smoothed.append(replace(run, current=current))
+
+    found = check(smoothed)
+
+    assert {p.name: p for p in found.prospects}["L"].identified
+    suspicions = {finding.code: finding for finding in found.findings}
+    assert suspicions["electrical_time_constant"].severity == "suspect"
+    assert found.is_accepted
