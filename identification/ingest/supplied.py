@@ -6,7 +6,8 @@
 
 The sign multiplies the cell, before scale and offset.  It comes from a column of directions: 1, 0
 and -1, or words of `DIRECTIONS`.  In a column of 0 and 1, as of a direction pin, 0 is reverse; in
-one with 2, 1 is forward, 2 reverse and 0 a stop.  Which direction is positive cannot be known; the
+one with 2, 1 is forward, 2 reverse and 0 a stop.  The letters F, R and N are forward, reverse and
+neutral, and L and R left and right.  Which direction is positive cannot be known; the
 check of the signs reports a wrong one.
 
 A stop is a factor of 0.  A bridge that brakes shorts the motor, so its voltage is 0 V whatever the
@@ -32,14 +33,14 @@ from identification.ingest.units import canonical_unit
 
 __all__ = ["DIRECTIONS", "STOP", "direction_of", "requested", "supplied"]
 
-_FORWARD = "cw clockwise fwd forward forwards + pos positive right true vorwärts rechts"
+_FORWARD = "cw clockwise f fwd forward forwards + pos positive right true vorwärts rechts"
 _BACKWARD = (
     "ccw counterclockwise counter-clockwise anticlockwise rev reverse backward backwards - neg "
     "negative left false rückwärts links"
 )
 _STOPPED = (
-    "stop stopped halt brake braked braking coast coasting off idle neutral aus stillstand bremse "
-    "bremsen freilauf"
+    "stop stopped halt brake braked braking coast coasting off idle n neutral aus stillstand "
+    "bremse bremsen freilauf"
 )
 STOP = math.ulp(0.0)
 """Stop in words: the smallest number in place of 0, since the 0 of a direction pin is reverse."""
@@ -50,6 +51,9 @@ DIRECTIONS = (
     | dict.fromkeys(_STOPPED.split(), STOP)
 )
 """Factor of each accepted word, in lower case; docs/run-files.md prints them."""
+
+_LETTERS: Final = {"l": math.nextafter(-1.0, 0.0), "r": math.nextafter(-1.0, -2.0)}
+"""Code of a letter whose meaning the others of its column decide, see `_of_letters`."""
 
 _REVERSE: Final = 2.0
 """Reverse in a column of the codes 0, 1 and 2."""
@@ -112,6 +116,7 @@ def supplied(
 
 def _signs(directions: Array, cells: Array, name: str, locator: SourceLocator) -> tuple[Array, str]:
     """Factors (n_sample,) 1, -1 and 0 of a direction, and what the warning says of them."""
+    directions = _of_letters(directions)
     stops, meaning = directions == STOP, ""
     is_coded = bool(np.any(directions == _REVERSE)) and not np.any(directions < 0.0)
     known = (0.0, STOP, 1.0, _REVERSE if is_coded else -1.0)
@@ -127,6 +132,13 @@ def _signs(directions: Array, cells: Array, name: str, locator: SourceLocator) -
     signs = np.where(stops, 0.0, signs)
     reverse = int(np.count_nonzero(signs < 0.0))
     return signs, f"the sign is negative in {reverse} of {signs.size} samples{meaning}"
+
+
+def _of_letters(directions: Array) -> Array:
+    """Directions (n_sample,) with 1 or -1 for a letter: R is right beside an L, else reverse."""
+    left, other = (directions == code for code in _LETTERS.values())
+    of_other = 1.0 if np.any(left) else -1.0
+    return np.where(left, -1.0, np.where(other, of_other, directions))
 
 
 def _stopped(signs: Array, cells: Array, name: str, locator: SourceLocator) -> str:
@@ -165,9 +177,10 @@ def direction_of(cell: str, column: str, row: int) -> float:
     Raises:
         NotANumber: The cell is neither.
     """
-    word = DIRECTIONS.get(cell.strip().casefold())
-    if word is not None:
-        return word
+    word = cell.strip().casefold()
+    factor = DIRECTIONS.get(word, _LETTERS.get(word))
+    if factor is not None:
+        return factor
     try:
         return float(cell.replace(",", "."))
     except ValueError:

@@ -49,6 +49,8 @@ def test_record_reverses() -> None:
         np.where(SIGN > 0, "fwd", "rev"),
         np.where(SIGN > 0, "1", "-1"),
         np.where(SIGN > 0, "True", "False"),
+        np.where(SIGN > 0, "F", "R"),
+        np.where(SIGN > 0, "R", "L"),
     ],
 )
 @pytest.mark.parametrize("is_file", [True, False])
@@ -82,7 +84,7 @@ STOPPED = np.arange(400) % 40 < 6
 """Samples at which the board stops the motor."""
 
 
-@pytest.mark.parametrize("word", ["stop", "STOP", "brake", "halt", "aus", " Off "])
+@pytest.mark.parametrize("word", ["stop", "STOP", "brake", "halt", "aus", " Off ", "N"])
 @pytest.mark.parametrize("reverse", ["rev", "fwd"])
 @pytest.mark.parametrize("is_file", [True, False])
 def test_stop_among_the_directions_is_no_voltage(
@@ -103,6 +105,17 @@ def test_stop_among_the_directions_is_no_voltage(
     assert f"negative in {np.count_nonzero(sign < 0)} of 400 samples, by the column dir" in note
     assert f"{STOPPED.sum()} are a stop with a factor of 0, and the cell is not 0 in " in note
     assert note.endswith("the motor is taken as braked, which is 0 V")
+
+
+@pytest.mark.parametrize(("letter", "sign"), [("F", 1), ("R", -1), ("L", -1)])
+def test_letters_of_a_motor_that_turns_one_way_and_stops(letter: str, sign: int) -> None:
+    """R beside N alone is reverse; which way that is, the signs of current and speed tell."""
+    data = board(np.where(STOPPED, "N", letter))
+
+    run = read_run(data, mapping=mapped("voltage_V=pwm * dir * 48"))
+
+    expected = np.where(STOPPED, 0.0, sign * np.abs(RECORD["voltage_V"]))
+    assert run.voltage == pytest.approx(expected, rel=1e-12)
 
 
 def test_codes_of_a_direction_are_stop_forward_and_reverse() -> None:
