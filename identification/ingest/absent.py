@@ -6,10 +6,16 @@ import re
 from collections.abc import Mapping, Sequence
 
 from identification.errors import Example, MissingColumn, NoHeader, RunFileError
-from identification.ingest.columns import Column, example, scaled_example, similar_columns
+from identification.ingest.columns import (
+    Column,
+    example,
+    may_be_duty,
+    scaled_example,
+    similar_columns,
+)
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import ROW
-from identification.ingest.names import is_sample_number, is_setpoint, similar_to
+from identification.ingest.names import is_direction, is_sample_number, is_setpoint, similar_to
 from identification.ingest.units import canonical_unit
 
 __all__ = ["missing_columns"]
@@ -88,13 +94,18 @@ def _derivations(names: Sequence[str], free: Sequence[Column]) -> tuple[str, lis
     elif "time_s" in names:
         hint += " (samples at a fixed rate have the time row / rate)"
         examples.append({"time_s": {"column": ROW, "scale": "SECONDS_PER_SAMPLE"}})
-    duties = [c for c in free if _may_be_duty(c)] if "voltage_V" in names else []
+    duties = [c for c in free if may_be_duty(c)] if "voltage_V" in names else []
     if duties:
         hint += (
             f" (the voltage may be {quoted(duties[0].title)} times a column of the bus voltage, "
             "or, where that is constant, times a scale)"
         )
-        examples.append(scaled_example("voltage_V", duties[0], "VOLT_PER_DUTY"))
+        entry = {"column": plain(duties[0].title, 80), "scale": "VOLT_PER_DUTY"}
+        ways = [c for c in free if any(map(is_direction, c.texts))]
+        if ways:
+            hint += f" (the sign may be that of {quoted(ways[0].title)})"
+            entry["sign"] = plain(ways[0].title, 80)
+        examples.append({"voltage_V": entry})
     angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
     if angles:
         hint += (
@@ -185,7 +196,3 @@ def _with_gain(name: str, column: Column) -> Example:
         return scaled_example(name, column, _GAINS[name].removesuffix("V") + unit)
     stated = {} if unit == "V" else {"unit": unit}
     return {name: {"column": plain(column.title, 80), "scale": _GAINS[name], **stated}}
-
-
-def _may_be_duty(column: Column) -> bool:
-    return "duty" in column.quantities or any(similar_to(text, "duty") for text in column.texts)

@@ -29,6 +29,7 @@ __all__ = [
     "describe_column",
     "duplicate_columns",
     "example",
+    "may_be_duty",
     "read_columns",
     "scaled_example",
     "similar_columns",
@@ -142,6 +143,13 @@ def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
         if quantity in column.quantities
         or (column.quantities <= kin and _resembles(column, quantity))
     ]
+
+
+def may_be_duty(column: Column) -> bool:
+    """True if a column is named as a duty cycle, measured or commanded, and is no voltage."""
+    is_volts = column.unit is not None and column.unit.quantity == "voltage"
+    is_named = "duty" in column.quantities or any(similar_to(t, "duty") for t in column.texts)
+    return is_named and not is_volts
 
 
 def _resembles(column: Column, quantity: str) -> bool:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from identification.ingest.channels import Channel
 from identification.ingest.run import RunWarning, SourceLocator
 from identification.ingest.timing import find_gaps
 
-__all__ = ["unwrapped", "with_speed", "with_voltage"]
+__all__ = ["CHOPPER_REMARK", "unwrapped", "with_speed", "with_voltage"]
 
 _LARGEST_STEP = 0.4
 _WIDTHS = (8, 16, 24, 32)
@@ -111,6 +112,14 @@ def _explains(period: float, steps: Array) -> bool:
     return bool(np.max(left) <= 2.0 * others + 1e-3 * period)
 
 
+CHOPPER_REMARK: Final = (
+    "dead time and voltage drops of the chopper are not subtracted, so they add to Ra25 and "
+    "brush_drop; the current has to be that in the motor lead, because the supply current of a "
+    "chopper is the duty times it"
+)
+"""What a mean voltage of a switching period lacks, and which current belongs to it."""
+
+
 def with_voltage(
     values: dict[str, Array], locator: SourceLocator
 ) -> tuple[dict[str, Array], SourceLocator, RunWarning]:
@@ -131,8 +140,7 @@ def with_voltage(
     note = (
         f"no motor voltage is logged: it is duty times bus voltage ({product}, "
         f"{np.min(duty):.4g} to {np.max(duty):.4g} times {np.min(bus):.4g} to {np.max(bus):.4g} V);"
-        " dead time and voltage drops of the chopper are not subtracted, so they add to Ra25 and "
-        "brush_drop"
+        f" {CHOPPER_REMARK}"
     )
     return kept, moved, locator.warning("voltage_from_duty", note)
 

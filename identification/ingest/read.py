@@ -22,8 +22,8 @@ from identification.errors import AbsurdValue, FileTooLarge, MissingColumn, Ragg
 from identification.ingest.channels import Channel
 from identification.ingest.clipping import find_clipped
 from identification.ingest.clocks import apart
-from identification.ingest.columns import Column, similar_columns
-from identification.ingest.derived import unwrapped, with_speed, with_voltage
+from identification.ingest.columns import Column, may_be_duty, similar_columns
+from identification.ingest.derived import CHOPPER_REMARK, unwrapped, with_speed, with_voltage
 from identification.ingest.display import listed, plain
 from identification.ingest.file import Limits, RunFile, naming, open_run_file, unpacked
 from identification.ingest.formats import FORMAT_READERS
@@ -296,6 +296,14 @@ def _header_warnings(
     if spare:
         titles = listed(column.title for column in spare)
         yield locator.warning("unused_columns", f"columns not used: {titles}")
+    voltage = channels.get("voltage_V")
+    if voltage is not None and voltage.scale != 1.0 and may_be_duty(voltage.column):
+        yield locator.warning(
+            "voltage_from_duty",
+            f"the voltage is {voltage.column.title} times {voltage.scale:.6g} V, as of a constant "
+            f"supply: {CHOPPER_REMARK}",
+            "voltage_V",
+        )
     for name, channel in channels.items():
         header, unit = channel.column.unit, channel.unit
         if header is None:

@@ -60,6 +60,42 @@ def test_a_commanded_duty_is_proposed_for_a_missing_voltage(name: str) -> None:
     assert {"voltage_V": {"column": name, "scale": "VOLT_PER_DUTY"}} in caught.value.examples
 
 
+def test_a_duty_times_a_constant_is_a_voltage_with_the_remarks_of_a_product() -> None:
+    """The supply current of a chopper, which boards measure, is not that of the motor."""
+    columns = {key: values for key, values in RECORD.items() if key != "voltage_V"}
+    columns["PWM_input"] = 100.0 * RECORD["voltage_V"] / 48.0
+    mapping = {"voltage_V": {"column": "PWM_input", "scale": 0.48}}
+
+    run = read_run(pd.DataFrame(columns), mapping=mapping)
+
+    (note,) = [w.message for w in run.warnings if w.code == "voltage_from_duty"]
+    assert "PWM_input times 0.48 V, as of a constant supply" in note
+    assert "the supply current of a chopper is the duty times it" in note
+
+
+@pytest.mark.parametrize("name", ["u_motor", "PWM voltage [V]"])
+def test_a_measured_voltage_with_a_scale_is_no_duty(name: str) -> None:
+    """The scale is that of a divider."""
+    columns = {key: values for key, values in RECORD.items() if key != "voltage_V"}
+    columns[name] = RECORD["voltage_V"] / 11.0
+    mapping = {"voltage_V": {"column": name, "scale": 11.0, "unit": "V"}}
+
+    run = read_run(pd.DataFrame(columns), mapping=mapping)
+
+    assert "voltage_from_duty" not in [w.code for w in run.warnings]
+
+
+def test_a_direction_beside_a_commanded_duty_is_its_sign_in_the_proposal() -> None:
+    """A mapping without it gives a magnitude, which is refused later."""
+    columns = {key: values for key, values in RECORD.items() if key != "voltage_V"}
+    columns["pwm_cmd"] = np.abs(RECORD["voltage_V"])
+    columns["dir"] = np.sign(RECORD["voltage_V"])
+    with pytest.raises(errors.MissingColumn, match="the sign may be that of 'dir'") as caught:
+        read_run(pd.DataFrame(columns))
+    entry = {"column": "pwm_cmd", "scale": "VOLT_PER_DUTY", "sign": "dir"}
+    assert {"voltage_V": entry} in caught.value.examples
+
+
 def test_logged_voltage_has_priority() -> None:
     """The voltage at the motor contains the drops of the chopper, the product does not."""
     columns = {**RECORD, **chopped("duty [%]", "bus voltage [V]", 90.0)}
