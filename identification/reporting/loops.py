@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 from identification.result.effect_texts import effect_words
@@ -141,6 +141,13 @@ def loop_sentence(result: Entry) -> str:
     units = {"steady_state": "of the reference", "rise_time_s": "s"}
     left_open = [name for name in words if is_left_open(result, ends, name)]
     lead = f"With the controller {cold['controller']} and unity feedback of the speed"
+    if unstable := [end for end in ends if _is_undefined(end, words)]:
+        end = unstable[0]
+        share = end["statement"].partition(";")[0].partition(":")[0]
+        return (
+            f"{lead}, the loop is {share} at {end['temperature_degC']:g} °C, so that no rise time "
+            "and no final value are given for it."
+        )
     if len(left_open) == len(words):
         return (
             f"{lead}, these runs do not determine the rise time and the final value; the values "
@@ -161,6 +168,13 @@ def loop_sentence(result: Entry) -> str:
         f"changes {listed(changes)}"
     )
     return "; these runs do not determine ".join([sentence, *undetermined]) + "."
+
+
+def _is_undefined(end: Entry, names: Iterable[str]) -> bool:
+    """True if the loop at one temperature is unstable so often that a metric has no median."""
+    known = (end.get(name) for name in names)
+    is_stable = end.get("stable_probability", 1.0) == 1.0
+    return not is_stable and any(one and one["median"] is None for one in known)
 
 
 def is_left_open(result: Entry, ends: Sequence[Entry], name: str) -> bool:

@@ -65,6 +65,23 @@ def test_undetermined_loop_metrics_are_not_predicted(result: dict[str, Any]) -> 
     assert [f.value for f in key_figures(result)[-2:]] == ["not determined", "not determined"]
 
 
+def test_loop_that_is_unstable_when_hot_has_no_final_value_in_the_sentence(
+    result: dict[str, Any],
+) -> None:
+    """Metrics without a median are not written as a dash."""
+    hot = max(result["feedback"], key=lambda entry: float(entry["temperature_degC"]))
+    hot["stable_probability"] = 0.49
+    hot["statement"] = "unstable in 51 % of 1968 draws; times, peak and bandwidth are null"
+    for name in ("rise_time_s", "steady_state"):
+        hot[name] |= {"mean": None, "sd": None, "q05": None, "median": None, "q95": None}
+
+    (told,) = [one for one in summary_sentences(result) if "unity feedback" in one]
+
+    assert "the loop is unstable in 51 % of 1968 draws at 125 °C, so that no rise time" in told
+    assert "–" not in told
+    assert "null" not in told
+
+
 def test_the_controller_that_suits_the_motor_stands_on_the_first_screen(
     result: dict[str, Any],
 ) -> None:
