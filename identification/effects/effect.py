@@ -17,6 +17,7 @@ from typing import ClassVar, Final, Literal, Self, TypeVar
 
 from identification.arrays import Array
 from identification.effects.confusion import Confusion
+from identification.effects.parameters import one_sign
 from identification.model.declared import DECLARED
 from identification.model.excitation import Record
 from identification.model.term import (
@@ -93,6 +94,10 @@ class CampaignScales:
     def runs(self) -> tuple[int, ...]:
         """Numbers of the training runs, ascending."""
         return tuple(sorted({record.run for record in self.records}))
+
+    def direction(self, channel: Literal[0, 1]) -> int:
+        """Sign of the current (0) or speed (1) of all runs; 0 if there are both signs."""
+        return one_sign(record.measured[:, channel] for record in self.records)
 
     @property
     def temperatures(self) -> tuple[float, float]:

@@ -43,7 +43,7 @@ __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 class BrushDrop(AbstractEffect, AbstractVoltage):
     """Voltage drop at the brush contacts, with the sign of the current.
 
-        v = -V_b (s + a |s|),   |s|^p = 1 - (1 + o |i / i_b|^p)^(-1/o)      [V]
+        v = -V_b s (1 + a sgn s) / (1 + a d),   |s|^p = 1 - (1 + o |i / i_b|^p)^(-1/o)      [V]
 
     s has the sign of i, and |s| rises from 0 to 1.  `i_b` is the current of the knee: if it is far
     below the motor's current, the drop is a step; if it is comparable, the drop is that of a
@@ -51,8 +51,10 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     parameter `openness`) the slowness of the saturation beyond it.  For i > 0, s is i / (i + i_b)
     with p = 1 and o = 1, i / sqrt(i^2 + i_b^2) with p = 2 and o = 1, and 1 - exp(-i / i_b) with
     p = 1 and o near 0.  Other values approximate tanh, erf and arctan within 0.001.  `a` is the
-    asymmetry between the two directions.  The contact voltage of carbon falls as it warms: in an
-    extended variant, V_b is V_b (1 + c (T - 25)), with the logged temperature T.
+    asymmetry between the two directions.  V_b is the mean of both (d = 0) or, if the current of the
+    runs has one sign only, the drop at that sign (d = 1 or -1).  The contact voltage of carbon
+    falls as it warms: in an extended variant, V_b is V_b (1 + c (T - 25)), with the logged
+    temperature T.
     """
 
     voltage_size: float
@@ -63,6 +65,8 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     """True if the temperatures of the runs differ enough to show a dependence on them."""
     changes: bool = False
     """True if the drop changes with temperature."""
+    direction: int = 0
+    """Sign of the current of all runs; 0 if it has both."""
 
     name = "brush_drop"
     confusions = (BRUSHES,)
@@ -110,7 +114,8 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
         bent = ca.if_else(size < _STRAIGHT, nearly_straight, (1 - left) / size)
         share = relative * ca.exp(ca.log(bent) / power)
         even = ca.sqrt(share * share + _ROUND**2) - _ROUND
-        drop = values.voltage * (share + values.asymmetry * even)
+        one_way = 1 + values.asymmetry * self.direction
+        drop = values.voltage * (share + values.asymmetry * even) / one_way
         return -drop * (1 + values.rate * (signals.temperature - 25)) if self.changes else -drop
 
     @classmethod
@@ -118,7 +123,9 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
         drop, knees = 0.03 * scales.voltage, (0.02, 0.1, 0.4)
         starts = [(drop, knee * scales.current, 2.0, 1.0, 0.0) for knee in knees]
         is_heated = scales.heated >= _LEAST_HEATED
-        return [Candidate(cls(scales.voltage, scales.current, is_heated), columns(*starts))]
+        direction = scales.direction(0)
+        term = cls(scales.voltage, scales.current, is_heated, direction=direction)
+        return [Candidate(term, columns(*starts))]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import casadi as ca
 
 from identification.effects.confusion import FRICTION
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
-from identification.effects.parameters import amplitude, asymmetry, columns, shape
+from identification.effects.parameters import amplitude, asymmetry, columns, shape, uneven
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -55,18 +55,21 @@ class _Friction(AbstractEffect, AbstractTorque):
 class CoulombFriction(_Friction):
     """Coulomb friction: a torque against the motion that does not depend on the speed.
 
-        tau = -T_c (1 + a sgn w) sgn w                                      [N m]
+        tau = -T_c (1 + a sgn w) / (1 + a d) sgn w                          [N m]
 
     The sign is smoothed over a small fraction of the speed.  `a` is the asymmetry between the two
-    directions, as in brush gear and preloaded bearings.  Seals and greased contacts creep before
-    they slide: in an extended variant, the speed `creep` in place of the smoothing is estimated,
-    and sgn w is w / sqrt(w^2 + creep^2).
+    directions, as in brush gear and preloaded bearings.  T_c is the mean of both directions (d = 0)
+    or, if the runs turn in one direction only, the torque in that one (d = 1 or -1).  Seals and
+    greased contacts creep before they slide: in an extended variant, the speed `creep` in place of
+    the smoothing is estimated, and sgn w is w / sqrt(w^2 + creep^2).
     """
 
     width: float
     """Width of the smoothed sign [rad/s]."""
     creeps: bool = False
     """True if the width of the sign is a parameter, the creep speed."""
+    direction: int = 0
+    """Sign of the speed of all runs; 0 if they turn in both directions."""
 
     name = "coulomb_friction"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"
@@ -83,7 +86,8 @@ class CoulombFriction(_Friction):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        torque = "mean Coulomb friction torque of both directions"
+        side = "in the direction of the runs" if self.direction else "mean of both directions"
+        torque = f"Coulomb friction torque, {side}"
         own = (amplitude("torque", "N m", torque, self.torque_size), asymmetry())
         if not self.creeps:
             return own
@@ -95,7 +99,7 @@ class CoulombFriction(_Friction):
         # Algebraic, so that it costs one square root.
         width = values.creep if self.creeps else self.width
         sign = signals.speed / ca.sqrt(signals.speed * signals.speed + width * width)
-        return -values.torque * (1 + values.asymmetry * sign) * sign
+        return -values.torque * uneven(sign, values.asymmetry, self.direction)
 
     @property
     def sharper(self) -> CoulombFriction:
@@ -104,7 +108,7 @@ class CoulombFriction(_Friction):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        term = cls(scales.torque, _WIDTH * scales.speed)
+        term = cls(scales.torque, _WIDTH * scales.speed, direction=scales.direction(1))
         return [Candidate(term, columns((0.05 * scales.torque, 0.0)))]
 
 
@@ -167,13 +171,16 @@ class StribeckFriction(_Friction):
 class QuadraticDrag(_Friction):
     """Fan or windage torque that grows with about the square of the speed.
 
-        tau = -T_d (|w| / w_0)^n (sgn w + a)                                [N m]
+        tau = -T_d (|w| / w_0)^n (1 + a sgn w) / (1 + a d) sgn w            [N m]
 
-    `a` is the asymmetry between the two directions, as with the blades of a fan.
+    `a` is the asymmetry between the two directions, as with the blades of a fan, and d that of the
+    runs, as for Coulomb friction.
     """
 
     reference: float
     """Speed w_0 at which the torque is T_d [rad/s]."""
+    direction: int = 0
+    """Sign of the speed of all runs; 0 if they turn in both directions."""
 
     name = "quadratic_drag"
     defining = ("exponent",)
@@ -194,14 +201,13 @@ class QuadraticDrag(_Friction):
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         ratio = signals.speed / self.reference
         size = ca.sqrt(ratio * ratio + 1e-6)
-        even = ca.exp((values.exponent - 1) * ca.log(size))
-        return -values.torque * ratio * even * (1 + values.asymmetry * ratio / size)
+        power = ca.exp(values.exponent * ca.log(size))
+        return -values.torque * power * uneven(ratio / size, values.asymmetry, self.direction)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        return [
-            Candidate(cls(scales.torque, scales.speed), columns((0.05 * scales.torque, 2.0, 0.0)))
-        ]
+        term = cls(scales.torque, scales.speed, scales.direction(1))
+        return [Candidate(term, columns((0.05 * scales.torque, 2.0, 0.0)))]
 
 
 @register

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
+import casadi as ca
 import numpy as np
 
 from identification.arrays import Array
 from identification.model.parameter import Parameter
+from identification.model.term import Expression
 
-__all__ = ["THERMAL_S", "amplitude", "asymmetry", "columns", "shape"]
+__all__ = ["THERMAL_S", "amplitude", "asymmetry", "columns", "one_sign", "shape", "uneven"]
+
+_REVERSES: Final = 0.1
+"""Ratio of the peaks of the two signs above which a signal has both."""
 
 THERMAL_S: Final = 3600.0
 """Longest thermal time constant of a small motor [s].  A record that is shorter shows the rate of
@@ -38,6 +43,28 @@ def asymmetry() -> Parameter:
     """Parameter for the difference between two directions, as in contacts or preloaded bearings."""
     meaning = "(forward - reverse) / (forward + reverse)"
     return Parameter("asymmetry", "-", meaning, scale=0.1, lower=-0.6, upper=0.6, prior_sd=2.0)
+
+
+def uneven(share: Expression, asymmetry: Expression, reference: int) -> Expression:
+    """Share -1 to 1 of an effect, larger in one direction, over that in the reference direction.
+
+    The reference 0 is the mean of both directions.  Runs in one direction determine the size in
+    that direction, and no asymmetry; with the mean, the posterior would be a curved ridge along
+    which both have the same product.
+    """
+    return (share + asymmetry * ca.fabs(share)) / (1 + asymmetry * reference)
+
+
+def one_sign(signals: Iterable[Array]) -> int:
+    """Sign of signals (n_sample,) whose peak of the other sign is at most a tenth as high; 0 else.
+
+    A small part of the other sign is noise, or an oscillation about standstill.
+    """
+    ends = [(float(np.min(signal)), float(np.max(signal))) for signal in signals]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    if min(high, -low) > _REVERSES * max(high, -low):
+        return 0
+    return 1 if high > -low else -1
 
 
 def shape(name: str, unit: str, meaning: str, lower: float, upper: float) -> Parameter:

@@ -38,14 +38,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from identification.arrays import Array
 from identification.effects.effect import AbstractEffect, Candidate
 from identification.effects.friction import CoulombFriction
-from identification.effects.parameters import columns
+from identification.effects.parameters import columns, one_sign
 from identification.effects.sensor import ChannelDelay, CurrentFilter, SpeedFilter
 from identification.fit.effective_samples import effective_fraction
 from identification.fit.identifiability import identified
@@ -61,9 +60,6 @@ from identification.selection.start import Along, Start
 from identification.selection.subset import fitted_to, subset_of_fit
 
 __all__ = ["confounded_terms", "turns_one_way", "unresolved_transients"]
-
-_REVERSES: Final = 0.1
-"""Ratio of the peak speeds of the two directions above which a motor reverses."""
 
 
 @dataclass(frozen=True)
@@ -143,9 +139,7 @@ def confounded_terms(
 
 def turns_one_way(records: Sequence[Record]) -> bool:
     """True if the peak speed in one direction is at most a tenth of that in the other."""
-    speed = np.concatenate([record.measured[:, 1] for record in records])
-    high, low = float(speed.max()), float(speed.min())
-    return min(high, -low) <= _REVERSES * max(high, -low)
+    return one_sign(record.measured[:, 1] for record in records) != 0
 
 
 def _rivals(fit: Fit) -> Iterator[_Rival]:
