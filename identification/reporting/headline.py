@@ -16,12 +16,12 @@ from identification.reporting.summary import (
 )
 from identification.result.effect_texts import (
     alternative_texts,
+    certain_effects,
+    doubt_sentence,
     effect_details,
     effect_probability,
     effect_words,
-    has_no_probability,
     is_surrogate,
-    unexplained_words,
 )
 from identification.result.entries import NEAR_NOISE, Entry, known_only_from
 from identification.result.numbers import (
@@ -98,28 +98,22 @@ def headline_sentences(result: Entry, coloured: Sequence[str] = ()) -> list[str]
 
 
 def _effects_sentence(result: Entry) -> str:
-    effects: Sequence[Entry] = result["effects"]
-    if any(has_no_probability(effect) for effect in effects):
-        names = listed([effect_words(effect["name"]) for effect in effects])
-        return f"No effect is certain: the fit added {names}, but {unexplained_words(result)}."
-    surrogates = [effect for effect in effects if is_surrogate(effect)]
-    found = [effect for effect in effects if effect not in surrogates]
+    found, doubt = certain_effects(result), doubt_sentence(result, _described)
     if found:
+        parts = listed([_described(effect) for effect in found])
         noun = "an effect" if len(found) == 1 else f"{len(found)} effects"
-        sentence = f"The motor has {noun} beyond the nominal model: {_with_probabilities(found)}."
-    elif surrogates:
-        sentence = "No effect of the catalogue explains what is missing."
+        sentence = f"The motor has {noun} beyond the nominal model: {parts}."
+    elif doubt:
+        return doubt
     elif (result.get("options") or {}).get("effects") is False:
         sentence = "No effects were searched: the nominal model is final."
     else:
         sentence = "No effect beyond the nominal model was found."
-    if surrogates:
-        sentence += f" The fit uses {_with_probabilities(surrogates)} as surrogates."
-    return sentence
+    return f"{sentence} {doubt}" if doubt else sentence
 
 
-def _with_probabilities(effects: Sequence[Entry]) -> str:
-    return listed([f"{_with_equals(effect)} ({effect_details(effect)})" for effect in effects])
+def _described(effect: Entry) -> str:
+    return f"{_with_equals(effect)} ({effect_details(effect)})"
 
 
 def _with_equals(effect: Entry) -> str:
@@ -154,7 +148,8 @@ def effect_tiles(data: ReportData) -> list[Entry]:
 
 def _place(effect: Entry) -> str:
     variant = f" ({effect['variant']})" if effect.get("variant") else ""
-    where = f"{effect['equation']} equation{variant}"
+    kind = "surrogate in the " if is_surrogate(effect) else ""
+    where = f"{kind}{effect['equation']} equation{variant}"
     return f"{where}, function of {listed(effect['drivers'])}" if effect["drivers"] else where
 
 

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from identification.reporting.loops import loop_sentence
 from identification.result.effect_texts import (
     alternative_texts,
+    certain_effects,
+    doubt_sentence,
     effect_details,
     effect_words,
-    has_no_probability,
-    unexplained_words,
+    unsupported,
 )
 from identification.result.entries import NEAR_NOISE, Entry, known_only_from
 from identification.result.numbers import count_text, listed, number_text, percent_text
@@ -90,24 +91,25 @@ def _runs_and_rows(runs: Sequence[Entry]) -> str:
 
 
 def _effects(result: Entry) -> str:
-    parts = []
-    for effect in result["effects"]:
-        name = effect_words(effect["name"])
-        label = "driver" if len(effect["drivers"]) == 1 else "drivers"
-        details = [f"{label}: {listed(effect['drivers'])}"] if effect["drivers"] else []
-        details += [effect_details(effect)]
-        details += [f"alternative: {text}" for text in alternative_texts(effect)]
-        parts.append(f"{name} in the {effect['equation']} equation ({', '.join(details)})")
-    if not parts:
-        return ""
-    sentence = f"The final model extends the nominal model by {listed(parts)}."
-    if any(has_no_probability(effect) for effect in result["effects"]):
-        sentence += f" No probability applies, because {unexplained_words(result)}."
-    return sentence
+    parts = [_described(effect) for effect in certain_effects(result)]
+    sentence = f"The final model extends the nominal model by {listed(parts)}." if parts else ""
+    return " ".join(filter(None, (sentence, doubt_sentence(result, _described))))
+
+
+def _described(effect: Entry) -> str:
+    """Name of an effect with its equation, drivers, probability and alternatives."""
+    name = effect_words(effect["name"])
+    label = "driver" if len(effect["drivers"]) == 1 else "drivers"
+    details = [f"{label}: {listed(effect['drivers'])}"] if effect["drivers"] else []
+    details += [effect_details(effect)]
+    details += [f"alternative: {text}" for text in alternative_texts(effect)]
+    return f"{name} in the {effect['equation']} equation ({', '.join(details)})"
 
 
 def _shifted(result: Entry) -> str:
-    """Sentence on the parameters that the missing effects biased most."""
+    """Sentence on the parameters that the missing effects biased most, if all are certain."""
+    if unsupported(result):
+        return ""
     shifts = (result["diagnosis"].get("shifts") or {}).items()
     medians = {
         name: shift["relative"]["median"]

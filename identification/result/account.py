@@ -9,7 +9,7 @@ from typing import Any, Final
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
-from identification.result.effect_texts import effect_words
+from identification.result.effect_texts import effect_words, unsupported
 from identification.result.missing_terms import undrawn_sentence
 from identification.result.models import reason_of
 from identification.result.numbers import interval_text, listed, number_text
@@ -37,13 +37,17 @@ def account_of(
         return None
     by_name = {term.name: term for term in effects_of(final.simulator.model.terms)}
     diagnosis = result["diagnosis"]
-    found = [_found_sentence(found, by_name[found.name]) for found in outcome.effects]
+    doubtful = {effect["name"] for effect in unsupported(result)}
+    found = [
+        _found_sentence(found, by_name[found.name], found.name in doubtful)
+        for found in outcome.effects
+    ]
     nothing = "No effect of the catalogue improves on the nominal model by more than chance."
     sentences = [
         diagnosis["residual"].get("sentence", ""),
         _where(diagnosis["trace"]),
         *(found or [nothing]),
-        _shifts(diagnosis.get("shifts", {}), list(by_name)),
+        "" if doubtful else _shifts(diagnosis.get("shifts", {}), list(by_name)),
         undrawn_sentence(tuple(by_name.values())),
     ]
     remaining = [diagnosis["remaining"].get("sentence", "")]
@@ -98,7 +102,7 @@ def _best_driver(drivers: Mapping[str, Mapping[str, Any]]) -> str:
     return best if best and shares[best] > 0.5 else ""
 
 
-def _found_sentence(found: Found, term: AbstractEffect) -> str:
+def _found_sentence(found: Found, term: AbstractEffect, is_doubtful: bool) -> str:
     if found.name == "unlisted":
         drivers = " and ".join(term.drivers) or "no driver"
         missing = {"electrical": "voltage", "mechanical": "torque"}.get(term.equation, "part")
@@ -111,7 +115,8 @@ def _found_sentence(found: Found, term: AbstractEffect) -> str:
     else:
         variant = f" ({term.variant})" if term.variant else ""
         words = effect_words(found.name).capitalize()
-        text = f"{words}{variant} acts in the {term.equation} equation."
+        verb = "stands in for something that the catalogue lacks" if is_doubtful else "acts"
+        text = f"{words}{variant} {verb} in the {term.equation} equation."
     training, unseen = found.criteria.training, found.criteria.validation
     text += (
         " With it, the simulation error, averaged over current and speed, "

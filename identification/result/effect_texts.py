@@ -1,4 +1,4 @@
-"""Probability of an effect of result.json in words.
+"""Effects of result.json in words: their probabilities, and which of them are surrogates.
 
 A probability compares models of which one is true.  If none of them explains the runs, it says
 nothing about the motor, however large it is.
@@ -6,17 +6,22 @@ nothing about the motor, however large it is.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from identification.result.entries import NOTHING, Entry
 from identification.result.numbers import listed, percent_text, probability_text
 
 __all__ = [
     "alternative_texts",
+    "certain_effects",
+    "doubt_sentence",
     "effect_details",
     "effect_probability",
     "effect_words",
     "has_no_probability",
     "is_surrogate",
     "unexplained_words",
+    "unsupported",
 ]
 
 _OUTSIDE = "unlisted"
@@ -74,5 +79,38 @@ def unexplained_words(result: Entry) -> str:
 
 def is_surrogate(effect: Entry) -> bool:
     """True if a term outside the catalogue is more probable than the effect."""
-    probabilities = {one["name"]: one["probability"] for one in effect["alternatives"]}
+    others = effect.get("alternatives") or ()
+    probabilities = {one["name"]: one["probability"] for one in others}
     return (probabilities.get(_OUTSIDE) or 0.0) > (effect["probability"] or 0.0)
+
+
+def unsupported(result: Entry) -> list[Entry]:
+    """Effects of the final model that are no statement about the motor.
+
+    These are the surrogates, and all effects if none of the compared models explains the runs.
+    """
+    effects: list[Entry] = list(result["effects"])
+    if any(has_no_probability(effect) for effect in effects):
+        return effects
+    return [effect for effect in effects if is_surrogate(effect)]
+
+
+def certain_effects(result: Entry) -> list[Entry]:
+    """Effects of the final model without those of `unsupported`."""
+    doubtful = unsupported(result)
+    return [effect for effect in result["effects"] if effect not in doubtful]
+
+
+def doubt_sentence(result: Entry, described: Callable[[Entry], str]) -> str:
+    """Sentence on the effects of `unsupported`; empty if there are none.
+
+    `described` gives a surrogate with its details.
+    """
+    doubtful = unsupported(result)
+    if not doubtful:
+        return ""
+    if any(has_no_probability(effect) for effect in doubtful):
+        names = listed([effect_words(effect["name"]) for effect in doubtful])
+        return f"No effect is certain: the fit added {names}, but {unexplained_words(result)}."
+    parts = listed([described(effect) for effect in doubtful])
+    return f"The fit uses {parts} in place of something that the catalogue lacks."

@@ -58,14 +58,33 @@ def test_effects_that_the_runs_do_not_separate_are_named_together(result: dict[s
 
 
 def test_a_surrogate_is_no_effect_of_the_motor(result: dict[str, Any]) -> None:
-    """A term outside the catalogue is more probable than the friction."""
+    """A term outside the catalogue is more probable: all sentences say so, and no bias is named."""
     result["effects"][0]["probability"] = 0.005
     result["effects"][0]["alternatives"] = [{"name": "unlisted", "probability": 0.995}]
 
-    first = headline_sentences(result)[0]
+    first, summary = headline_sentences(result)[0], " ".join(summary_sentences(result))
 
-    assert "The motor has" not in first
-    assert first.endswith("The fit uses Coulomb friction (probability 0.5 %) as surrogates.")
+    assert first == (
+        "The fit uses Coulomb friction (probability 0.5 %) in place of something that the "
+        "catalogue lacks."
+    )
+    assert "in place of something that the catalogue lacks" in summary
+    assert "extends the nominal model" not in summary
+    assert "Without" not in summary
+
+
+def test_a_surrogate_beside_an_effect_is_kept_apart(result: dict[str, Any]) -> None:
+    """The final model extends the nominal one by the friction, and uses the load step."""
+    step = copy.deepcopy(result["effects"][0]) | {"name": "load_step", "probability": 0.0003}
+    step["alternatives"] = [{"name": "unlisted", "probability": 0.9997}]
+    result["effects"].append(step)
+
+    summary = " ".join(summary_sentences(result))
+    certain, doubtful = summary.split(" The fit uses ")
+
+    assert "extends the nominal model by Coulomb friction" in certain
+    assert "load step" not in certain
+    assert doubtful.startswith("load step in the mechanical equation")
 
 
 def test_an_incomplete_model_casts_doubt_on_the_parameters_that_remain(

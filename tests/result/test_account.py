@@ -31,6 +31,7 @@ def result(off: bool = True) -> dict[str, Any]:
     """Diagnosis with one shift of 11 %."""
     relative = {"q05": 0.105, "median": 0.11, "q95": 0.115}
     return {
+        "effects": [],
         "diagnosis": {
             "residual": {"sentence": "The model does not explain the current."},
             "trace": {},
@@ -89,6 +90,19 @@ def test_a_shift_is_reported_with_its_interval_and_its_cause() -> None:
         "Nothing is missing.",
         "The model does not explain the current of the training runs.",
     )
+
+
+def test_a_surrogate_is_no_cause_of_a_bias() -> None:
+    """A term outside the catalogue is more probable: the friction stands in for it."""
+    others = [{"name": "unlisted", "probability": 0.99}]
+    told = result()
+    told["effects"] = [{"name": "coulomb_friction", "probability": 0.01, "alternatives": others}]
+    account = account_of(outcome("coulomb_friction"), told, fit_with(CoulombFriction(1.0, 1.0)))
+
+    assert account is not None
+    words = " ".join(account.sentences)
+    assert "Coulomb friction stands in for something that the catalogue lacks" in words
+    assert "biased" not in words
 
 
 def test_an_insignificant_shift_is_not_reported() -> None:
