@@ -196,6 +196,8 @@ def _parameters(result: Mapping[str, Any]) -> Table:
         # Below their effect: two effects may have a parameter of one name, such as a torque.
         rows.append((effect["name"], {}))
         rows += [(f"  {name}", entry) for name, entry in effect["parameters"].items()]
+        for run in effect.get("runs") or ():
+            rows += [(f"  {name}, {run['file']}", entry) for name, entry in run["values"].items()]
     for name, entry in rows:
         if not entry:
             table.add_row(name)

@@ -106,6 +106,12 @@ def parameter_rows(data: ReportData) -> list[ParameterRow]:
                 meaning = entry.get("meaning")
                 text = f"{words}: {meaning}" if meaning else f"of {words}"
                 rows.append(replace(_parameter_row(name, entry, data, None), meaning=text))
+        for run in effect.get("runs") or ():
+            text = f"{words} in {run['file']}"
+            rows += [
+                replace(_parameter_row(name, entry, data, None), meaning=text)
+                for name, entry in run["values"].items()
+            ]
     return rows
 
 

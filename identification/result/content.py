@@ -82,7 +82,6 @@ def assemble(findings: Findings) -> dict[str, object]:
     doubtful = doubtful_parameters(implausible, findings.omitted)
     for name in after if missed else doubtful:
         after[name] = after[name] | {"identified": False}
-    of_effects = dict.fromkeys(findings.known, False) if missed else findings.known
     warnings = _warnings(findings, [*missed, *(one.warning() for one in implausible)])
     return {
         "schema_version": 1,
@@ -102,7 +101,7 @@ def assemble(findings: Findings) -> dict[str, object]:
         },
         "parameters": after,
         "correlation": _correlation(final, findings.draws),
-        "effects": effect_entries(analysis.judged, final, findings.draws, of_effects),
+        "effects": _effects(findings, is_missed=bool(missed)),
         "models": model_entries(analysis.outcome, final, findings.fraction),
         "diagnosis": {
             "residual": detection_entry(analysis.before),
@@ -137,6 +136,13 @@ def doubtful_parameters(implausible: Sequence[Finding], omitted: Sequence[Omitte
     if any(not t.parameter and t.surrogate is None and t.gain is not None for t in omitted):
         doubtful |= _DOUBTFUL_IF_INCOMPLETE
     return {name for one in implausible for name in doubtful.get(one.code, ())}
+
+
+def _effects(findings: Findings, *, is_missed: bool) -> list[dict[str, Any]]:
+    """Entries of the effects; `is_missed` says that the model explains nothing of a channel."""
+    analysis = findings.analysis
+    known = dict.fromkeys(findings.known, False) if is_missed else findings.known
+    return effect_entries(analysis.judged, analysis.final, findings.draws, known, findings.fraction)
 
 
 def _correlation(final: Fit, draws: dict[str, Array]) -> dict[str, object]:

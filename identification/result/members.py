@@ -160,6 +160,14 @@ class Alternative(ResultObject):
     probability: Fraction | None
 
 
+class RunValues(ResultObject):
+    """Size of an effect in one training run."""
+
+    file: Text
+    values: dict[str, Parameter]
+    """From the covariance of the fit; `identified` is false if the run does not determine it."""
+
+
 class EffectEntry(ResultObject):
     """Effect that the final model adds to the nominal model."""
 
@@ -173,6 +181,8 @@ class EffectEntry(ResultObject):
     probability: Fraction | None
     comparable: bool = ABSENT
     parameters: dict[str, Parameter]
+    runs: list[RunValues] = ABSENT
+    """Size in each training run, if it is free in each; else empty."""
     evidence: dict[str, Any]
     alternatives: list[Alternative]
 

@@ -17,17 +17,23 @@ from identification.arrays import Array
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.solve import Fit
 from identification.result.entries import finite_or_null, parameter_entry
+from identification.result.run_values import run_values
 from identification.selection.outcome import Outcome, Searched
 
 __all__ = ["effect_entries", "model_entries", "model_entry", "reason_of", "searched_entries"]
 
 
 def effect_entries(
-    outcome: Outcome | None, final: Fit, draws: Mapping[str, Array], known: Mapping[str, bool]
+    outcome: Outcome | None,
+    final: Fit,
+    draws: Mapping[str, Array],
+    known: Mapping[str, bool],
+    fraction: float,
 ) -> list[dict[str, Any]]:
     """Result entries of the effects in the final model, strongest evidence first.
 
-    `known` says whether each parameter is identified.
+    `known` says whether each parameter is identified; `fraction` is the effective sample fraction
+    [-].
     """
     terms = {term.name: term for term in effects_of(final.simulator.model.terms)}
     estimates = final.by_name
@@ -48,6 +54,7 @@ def effect_entries(
                 "probability": found.probability,
                 "comparable": found.is_comparable,
                 "parameters": parameters,
+                "runs": run_values(term, final, fraction),
                 "evidence": {
                     "log_likelihood_gain": found.criteria.gain,
                     "log_likelihood_gain_by_chance": found.criteria.needed,

@@ -12,6 +12,7 @@ from identification.effects.load import LoadTorque
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest import Run
+from identification.result.run_values import run_values
 from identification.selection.outcome import Outcome
 from identification.selection.search import search
 from identification.surrogates.entry import term_of
@@ -69,6 +70,12 @@ def test_another_weight_in_each_run_is_a_load_of_each_run() -> None:
     assert term.variant == EACH_RUN
     loads = [state[2] for state in outcome.fit.states]
     assert loads == pytest.approx(torques[:-1], abs=0.01 * max(torques))
+    entries = run_values(term, outcome.fit, 1.0)
+    assert [entry["file"] for entry in entries] == [r.name for r in outcome.fit.simulator.records]
+    for entry, torque in zip(entries, torques, strict=False):
+        value = entry["values"]["torque"]
+        assert value["median"] == pytest.approx(torque, abs=5.0 * value["sd"])
+        assert value["identified"]
     values = outcome.fit.by_name
     assert values["Kt25"] == pytest.approx(MOTOR.values[2], rel=0.005)
     assert values["b"] == pytest.approx(MOTOR.values[5], rel=0.1)
