@@ -7,7 +7,10 @@ A linear motor under a held or sloped voltage obeys, exactly and at any interval
 A drive at its current limit lowers the voltage at the motor, so that the current stays at one level
 while this regression, fitted to the other samples, predicts larger currents of any size.  A sensor
 that saturates before its converter adds noise looks the same.  Either way the samples at the limit
-say nothing of the motor.  The fit omits them and starts again after each of them.
+say nothing of the motor.  A drive that clamps its voltage to that of the largest current at
+standstill plus the back-EMF, v = R i_max + K w, applies another voltage already while the current
+rises to the level, so the regression leaves out the rise as well.  The fit omits the samples at the
+limit and starts again after each of them.
 
 A motor that holds its highest current by itself, at a locked shaft or a constant load, agrees with
 the regression, and an effect at high currents gives all samples of the level one residual.
@@ -58,14 +61,17 @@ def current_limit_of(run: Run) -> Omission | None:
         sign * current >= level - _NEAR * noise
         for sign, level in zip((1.0, -1.0), levels, strict=True)
     ]
-    limits = at[0] | at[1]
+    rises = [
+        _with_rise(sign * current, near, noise) for sign, near in zip((1.0, -1.0), at, strict=True)
+    ]
+    limits = rises[0] | rises[1]
     used = signals.joined & ~(limits[1:] | limits[:-1])
     if np.count_nonzero(used) < _REGRESSED:
         return None
     missing, deviation = _missing(signals, used)
     limited = np.zeros(run.rows, dtype=bool)
     found: list[tuple[float, float]] = []
-    for sign, near, level in zip((1.0, -1.0), at, levels, strict=True):
+    for sign, near, rise, level in zip((1.0, -1.0), at, rises, levels, strict=True):
         held = near[1:] & near[:-1] & signals.joined
         over = sign * missing / deviation
         if np.count_nonzero(held) < _FEWEST:
@@ -73,7 +79,7 @@ def current_limit_of(run: Run) -> Omission | None:
         low, middle, high = np.quantile(over[held], [0.25, 0.5, 0.75])
         if middle > _DEVIATIONS and high - low > _DEVIATIONS:
             found.append((level, float(middle)))
-            limited[1:] |= held | near[1:] & (over > _DEVIATIONS)
+            limited[1:] |= held | rise[1:] & (over > _DEVIATIONS)
     if not found:
         return None
     # The voltage of the interval in which the drive reaches or leaves its limit is not logged.
@@ -105,6 +111,15 @@ def noise_of(signal: Array) -> float:
     steps = np.abs(np.diff(signal))
     step = float(np.min(steps, where=steps > 0.0, initial=np.inf))
     return max(difference_noise([signal], 2), step / np.sqrt(12.0)) if np.isfinite(step) else 0.0
+
+
+def _with_rise(signal: Array, near: Bool, noise: float) -> Bool:
+    """Samples at the level, and those before them at which the signal rises towards it."""
+    rise = near.copy()
+    rising = np.flatnonzero(np.diff(signal) > noise)[::-1]
+    for k in rising.tolist():
+        rise[k] |= rise[k + 1]
+    return rise
 
 
 def _level(signal: Array, noise: float) -> float:

@@ -88,7 +88,9 @@ def within_signs(draws: dict[str, Array]) -> dict[str, Array]:
     beyond = [name for name in _SIGNED if not np.isfinite(draws.get(name, 0.0)).all()]
     if beyond:
         raise ComputationError(
-            f"the posterior of {', '.join(beyond)} has no end: the runs determine no motor; check "
-            "the largest values of each channel, and their units"
+            f"the posterior of {', '.join(beyond)} has no end: the runs determine no motor; "
+            "compare the largest values and the units of each channel in `motorid check RUN...` "
+            "with the data sheet; log the voltage at the motor terminals if a drive sets it or "
+            "limits the current, and fit fewer runs to find the one that contradicts the model"
         )
     return draws | {name: np.abs(draws[name]) for name in _SIGNED if name in draws}

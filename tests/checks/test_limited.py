@@ -66,6 +66,37 @@ def deviations(fit: Fit) -> Array:
     )
 
 
+def clamped_run(limit: float, seed: int) -> Run:
+    """Run with the set point of a drive that clamps its voltage to K w -+ R limit as its voltage.
+
+    The current approaches the limit with the electrical time constant of 1 ms, in steps of 0.05 ms.
+    """
+    rng, rows, substeps = np.random.default_rng(seed), 3000, 20
+    command = np.repeat(rng.uniform(-12.0, 12.0, 15), 200)
+    block = np.zeros((3, 3))
+    block[0] = np.array([-RA, -KT, 1.0]) / 6e-4
+    block[1] = [KT / (3.0 * J), -B / (3.0 * J), 0.0]
+    change = expm(block * STEP / substeps)[:2]
+    state, states = np.zeros(2), np.zeros((rows, 2))
+    for k, asked in enumerate(command.tolist()):
+        states[k] = state
+        for _ in range(substeps):
+            emf = KT * state[1]
+            applied = min(max(asked, emf - RA * limit), emf + RA * limit)
+            state = change @ [*state, applied]
+    logged = states + NOISE * rng.normal(size=states.shape)
+    time, warmth = STEP * np.arange(rows, dtype=np.float64), np.full(rows, 25.0)
+    return Run(f"c{seed}.csv", str(seed), time, command, logged[:, 0], logged[:, 1], warmth)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_voltage_that_is_clamped_to_limit_the_current_is_found(seed: int) -> None:
+    """The rise to the limit has another voltage, too, and is no part of the regression."""
+    (finding,) = check_runs([clamped_run(10.0, seed)]).findings
+
+    assert finding.code == "current_limit"
+
+
 @pytest.mark.parametrize("limit", [12.0, 18.0, 25.0])
 def test_no_interval_with_another_voltage_is_simulated(limit: float) -> None:
     """The true intervals are known; of the others, nearly all are."""
