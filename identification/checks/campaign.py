@@ -21,6 +21,7 @@ from identification.checks.dead import (
     stuck_findings,
     unlogged_voltage_findings,
 )
+from identification.checks.discontinuous import discontinuous_findings
 from identification.checks.driven import driven_findings
 from identification.checks.finding import Finding, Omission, refusal, suspicion
 from identification.checks.heat import heat_findings, jump_findings
@@ -173,6 +174,7 @@ def _single(run: Run, strongest: Array, held: float) -> list[Finding]:
         stuck_findings,
         shifted_findings,
         identity_findings,
+        discontinuous_findings,
         _unexplained,
     ):
         found = list(check(run, signals))
@@ -201,7 +203,8 @@ def _unexplained(run: Run, signals: Signals) -> Iterator[Finding]:
             run,
             "voltage_V",
             "current and speed do not explain it (v = R i + K w); check that all channels belong "
-            "to one motor and one recording, and that it is the voltage at the motor terminals",
+            "to one motor and one recording, that it is the voltage at the motor terminals, and "
+            "that the current is that of the motor and not of the supply",
             ("unexplained fraction of the voltage variance", missed, _UNEXPLAINED),
         )
 

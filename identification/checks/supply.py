@@ -24,6 +24,7 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.checks.balance import Regression, Signals, regress, reverses, windows_of
+from identification.checks.discontinuous import is_discontinuous
 from identification.checks.finding import Finding, refusal
 from identification.ingest.run import Run
 
@@ -44,8 +45,9 @@ def supply_current_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     after = _least(_mechanical(signals), (0,))
     of_supply = _least(_electrical(signals, signals.current), (0, 1))
     of_motor = _least(_electrical(signals, signals.voltage * signals.current), ())
-    is_electrical = of_supply < _BETTER * of_motor
-    if is_electrical and after < _BETTER * before:
+    # A discontinuous current obeys neither voltage balance; the torque balance remains.
+    is_electrical = of_supply < _BETTER * of_motor or is_discontinuous(signals)
+    if after < _BETTER * before and is_electrical:
         statistic = "unexplained fraction of the current variance by the torque balance"
         yield refusal(
             "supply_current",
