@@ -28,3 +28,22 @@ def test_a_speed_in_rpm_is_suspected_and_the_speed_of_a_motor_that_starts_hard_i
 
     assert not suspects_speed(runs)
     assert suspects_speed(in_rpm)
+
+
+def test_the_speed_of_a_pager_motor_is_no_suspicion() -> None:
+    """A quarter of the torque constant of a watch motor, at 2,400 rad/s and at 4,800 rad/s."""
+    runs = campaign(motor_named("watch 1 W"), seed=1)
+    for factor in (4.0, 8.0):
+        small = [replace(run, speed=factor * run.speed) for run in runs]
+        assert max(float(run.speed.max()) for run in small) > 1500.0
+        assert not suspects_speed(small)
+
+
+def test_the_sentence_on_a_high_speed_leaves_the_unit_open() -> None:
+    """Only a surface speed that no rotor endures is said to be too fast."""
+    runs = campaign(motor_named("coreless 10 W"), seed=1)
+    found = check_runs([replace(run, speed=30.0 / np.pi * run.speed) for run in runs]).findings
+    (message,) = (f.message for f in found if f.column == "speed_rad_s")
+
+    assert "few motors of this size reach" in message
+    assert "compare Kt = Ke with the data sheet: if the values are in rpm" in message
