@@ -209,6 +209,9 @@ def pair_text(cold: Entry | None, hot: Entry | None, between: str, unit: str) ->
 def _median(entry: Entry | None, factor: float) -> str:
     if entry is None:
         return UNKNOWN
+    if entry["median"] == 0.0:
+        # Without its interval, a power of ten beside it has no meaning.
+        return "0"
     written = entry_text(entry, factor)
     if len(written.median) > 5:
         return number_text(factor * entry["median"], 3)
