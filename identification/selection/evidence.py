@@ -34,7 +34,7 @@ from identification.model.composite import Edges
 from identification.selection.common_samples import chance_of_fading, common_edges, fit_within
 from identification.selection.criteria import AcceptanceCriteria, by_chance
 from identification.selection.policy import DEFAULT, SelectionPolicy
-from identification.selection.simulation_error import simulation_fall
+from identification.selection.simulation_error import simulation_fall, unweighted_deviation
 from identification.selection.start import has_odd_coefficients
 from identification.selection.validation import ValidationErrors, validation_errors
 
@@ -129,22 +129,23 @@ class EvaluatedModel:
     ) -> AcceptanceCriteria:
         """Acceptance criteria against a simpler model that is comparable."""
         shared = self.fit.position.size - simpler.fit.position.size
-        counts, deviation = self.fit.weighting.counts, self.fit.weighting.deviation
+        counts = self.fit.weighting.counts
         samples = max(float(counts.sum()) * self.fraction, 2.0)
         added = self.effects_added_to(simpler)
         shared += sum(len(term.moments) for term in added)
         more = shared + _lasting(self.fit) - _lasting(simpler.fit)
         fall = np.full(2, np.inf)
         if np.isfinite(simpler.fit.cost):
-            fall = np.log(simpler.fit.weighting.deviation / deviation)
+            fall = np.log(unweighted_deviation(simpler.fit) / unweighted_deviation(self.fit))
         validation, possible, log_odds, expected = None, 0.0, 0.0, np.inf
         if self.unseen is not None and simpler.unseen is not None:
             ratio = _log_ratio(simpler.unseen.square, self.unseen.square)
-            excess = _log_ratio(simpler.unseen.square, deviation**2)
+            excess = _log_ratio(simpler.unseen.square, unweighted_deviation(self.fit) ** 2)
             validation = float(np.sum(ratio[counts > 0]))
             scatter = float(np.linalg.norm(self.unseen.scatter[counts > 0]))
             possible = float(np.sum(excess[counts > 0])) - policy.validation_sd * scatter
             log_odds = self.fraction * float(np.sum((ratio * self.unseen.count)[counts > 0]))
+            deviation = self.fit.weighting.deviation
             expected = self.fraction * self.unseen.expected_log_odds(simpler.unseen, deviation)
         return AcceptanceCriteria(
             gain=self.fraction * (simpler.fit.cost - self.fit.cost),

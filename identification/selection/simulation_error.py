@@ -1,4 +1,4 @@
-"""Fall of the simulation error by an effect, under a noise model that whitens the residuals.
+"""Simulation error of a model, and its fall by an effect, under a noise model of the residuals.
 
 The size criterion asks whether an effect changes a prediction, which is a simulation.  A whitened
 error is not one: a filter that whitens slow noise also removes most of what a slow effect does.
@@ -12,12 +12,14 @@ the simulation by frequency).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.arrays import Array
 from identification.fit.solve import Fit
 
-__all__ = ["simulation_fall"]
+__all__ = ["simulation_fall", "unweighted_deviation"]
 
 
 def simulation_fall(fit: Fit, simpler: Fit) -> float:
@@ -30,6 +32,24 @@ def simulation_fall(fit: Fit, simpler: Fit) -> float:
         return -np.inf
     fall = 0.5 * np.log(_squares(simpler) / _squares(fit))
     return float(np.sum(fall[fit.weighting.counts > 0]))
+
+
+def unweighted_deviation(fit: Fit) -> Array:
+    """(2,) RMS of the whitened training residuals without the weights of Student's law [A, rad/s].
+
+    The residuals of validation runs have no such weights.  A fit without outliers gains more from
+    an effect than its validation runs with theirs can confirm.
+    """
+    weighting = fit.weighting
+    if weighting.robust is None:
+        return weighting.deviation
+    residuals = [
+        record.measured - logged
+        for record, logged in zip(weighting.records, fit.equations.logged, strict=True)
+    ]
+    squares = replace(weighting, robust=None).sums_of_squares(residuals)
+    weighted = np.maximum(weighting.sums_of_squares(residuals), np.finfo(float).tiny)
+    return np.asarray(weighting.deviation * np.sqrt(squares / weighted))
 
 
 def _squares(fit: Fit) -> Array:

@@ -15,6 +15,7 @@ from identification.selection.noise_model import under_noise_model, with_ordinar
 from identification.selection.outcome import Outcome
 from identification.selection.policy import DEFAULT
 from identification.selection.search import search
+from identification.selection.simulation_error import unweighted_deviation
 from identification.selection.steps import State
 from identification.selection.trials import Trials
 from tests.effects.hidden import records_of_bench
@@ -110,3 +111,18 @@ def test_an_ordinary_fit_from_a_whitened_one_is_the_ordinary_fit() -> None:
 
     assert again.cost == pytest.approx(ordinary.cost, abs=1e-2)
     np.testing.assert_allclose(again.position, ordinary.position, atol=0.05)
+
+
+def test_the_errors_of_training_and_validation_are_compared_without_student_weights() -> None:
+    """The fall in training is that of the RMS residual, spikes included, as in validation."""
+    plain = fit_declared(campaign_with(SPIKY).training, "zoh")
+    fit = with_noise_model(plain)
+    residuals = np.concatenate(fit.residuals())
+
+    assert fit.weighting.robust is not None
+    assert fit.weighting.order == 0
+    np.testing.assert_allclose(
+        unweighted_deviation(fit), np.sqrt(np.mean(residuals**2, axis=0)), rtol=1e-6
+    )
+    assert np.all(unweighted_deviation(fit) > fit.weighting.deviation)
+    assert unweighted_deviation(plain) is plain.weighting.deviation
