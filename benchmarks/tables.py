@@ -67,12 +67,13 @@ def tables(done: Sequence[dict[str, Any]], command: str, kinds: Sequence[str], a
         some = [d for d in counted if [n for n, _ in d["effects"]] == [name] and _shows(d)]
         if some:
             lines.append(f"| `{name}` | {len(some)} | {_answers(some)} |")
-    lines += ["", "## Campaigns with two effects and another answer", ""]
-    lines += ["| hidden | named |", "|---|---|"]
-    for d in counted:
-        if d["group"] == "two" and _shows(d) and not _exact(d):
-            named = " + ".join(sorted(d["named"])) or "nothing"
-            lines.append(f"| {' + '.join(sorted(n for n, _ in d['effects']))} | {named} |")
+    wrong = [d for d in counted if d["group"] == "two" and _shows(d) and not _exact(d)]
+    if wrong:
+        lines += ["", "## Campaigns with two effects and another answer", ""]
+        lines += ["| hidden | named |", "|---|---|"]
+    for d in wrong:
+        named = " + ".join(sorted(d["named"])) or "nothing"
+        lines.append(f"| {' + '.join(sorted(n for n, _ in d['effects']))} | {named} |")
     return "\n".join([*lines, ""])
 
 
