@@ -37,10 +37,10 @@ _BACKWARDS: Final = 0.05
 _TURNS: Final = 0.1
 """Least speed over the largest speed."""
 _UNEXPLAINED: Final = 0.1
-"""Least unexplained fraction of the voltage variance; of such choppers it exceeds 0.2."""
+"""Least unexplained fraction of the voltage variance; a judgement without a derivation."""
 _BELOW: Final = -0.2
-"""Mean voltage above R i + K w at small currents, over the RMS voltage, of such a chopper.  An RMS
-current in place of the mean one gives -0.15, a chopper with a discontinuous current -0.27."""
+"""Mean voltage above R i + K w at small currents, over the RMS voltage, of such a chopper.  A
+judgement without a derivation: an RMS current in place of the mean one gives a smaller one."""
 
 
 def discontinuous_findings(run: Run, signals: Signals) -> Iterator[Finding]:
@@ -75,16 +75,17 @@ def _voltage_excess(signals: Signals) -> float:
     low, high = np.quantile(direction * signals.current, [0.01, 0.99])
     if not -low < _BACKWARDS * high:
         return 0.0
-    for windows in windows_of(signals)[:1]:
-        voltage, current, speed = (
-            windows.mean(direction * each)
-            for each in (signals.voltage, signals.current, signals.speed)
-        )
-        regressors = (current, speed, windows.rate(direction * signals.current))
-        whole = regress(voltage, [*regressors, current * speed])
-        if whole is not None and whole.missed > _UNEXPLAINED:
-            return _excess(voltage, regressors, high)
-    return 0.0
+    windows = next(iter(windows_of(signals)), None)
+    if windows is None:
+        return 0.0
+    voltage, current, speed = (
+        windows.mean(direction * each) for each in (signals.voltage, signals.current, signals.speed)
+    )
+    regressors = (current, speed, windows.rate(direction * signals.current))
+    whole = regress(voltage, [*regressors, current * speed])
+    if whole is None or not whole.missed > _UNEXPLAINED:
+        return 0.0
+    return _excess(voltage, regressors, high)
 
 
 def _excess(voltage: Array, regressors: tuple[Array, Array, Array], high: float) -> float:

@@ -46,8 +46,7 @@ def supply_current_findings(run: Run, signals: Signals) -> Iterator[Finding]:
     of_supply = _least(_electrical(signals, signals.current), (0, 1))
     of_motor = _least(_electrical(signals, signals.voltage * signals.current), ())
     # A discontinuous current obeys neither voltage balance; the torque balance remains.
-    is_electrical = of_supply < _BETTER * of_motor or is_discontinuous(signals)
-    if after < _BETTER * before and is_electrical:
+    if after < _BETTER * before and (of_supply < _BETTER * of_motor or is_discontinuous(signals)):
         statistic = "unexplained fraction of the current variance by the torque balance"
         yield refusal(
             "supply_current",

@@ -117,7 +117,7 @@ CHOPPER_REMARK: Final = (
     "brush_drop; the current has to be that in the motor lead, because the supply current of a "
     "chopper is the duty times it"
 )
-"""What a mean voltage of a switching period lacks, and which current belongs to it."""
+"""Remark on the mean voltage of a switching period, and on the current that belongs to it."""
 
 
 def with_voltage(

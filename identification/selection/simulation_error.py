@@ -43,10 +43,7 @@ def unweighted_deviation(fit: Fit) -> Array:
     weighting = fit.weighting
     if weighting.robust is None:
         return weighting.deviation
-    residuals = [
-        record.measured - logged
-        for record, logged in zip(weighting.records, fit.equations.logged, strict=True)
-    ]
+    residuals = _residuals(fit)
     squares = replace(weighting, robust=None).sums_of_squares(residuals)
     weighted = np.maximum(weighting.sums_of_squares(residuals), np.finfo(float).tiny)
     return np.asarray(weighting.deviation * np.sqrt(squares / weighted))
@@ -54,6 +51,10 @@ def unweighted_deviation(fit: Fit) -> Array:
 
 def _squares(fit: Fit) -> Array:
     """(2,) sums of squares of the unwhitened residuals [A^2, rad^2/s^2]."""
+    return fit.weighting.unwhitened.sums_of_squares(_residuals(fit))
+
+
+def _residuals(fit: Fit) -> list[Array]:
+    """For each record (n_sample, 2) measured minus simulated, without another simulation."""
     pairs = zip(fit.weighting.records, fit.equations.logged, strict=True)
-    residuals = [record.measured - logged for record, logged in pairs]
-    return fit.weighting.unwhitened.sums_of_squares(residuals)
+    return [record.measured - logged for record, logged in pairs]

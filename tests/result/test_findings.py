@@ -12,6 +12,7 @@ from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
 from identification.result.findings import ResidualAnalysis
+from identification.result.simulation_errors import worse_runs
 from identification.selection.criteria import AcceptanceCriteria
 from identification.selection.outcome import Found, Outcome
 from tests.motors import campaign, motor_named
@@ -75,6 +76,25 @@ def test_a_noisier_validation_run_does_not_make_a_true_effect_improbable() -> No
     assert analysis.after.of("speed", "validation")[0].noise_ratio > 1.2
     assert analysis.judged is not None
     assert analysis.judged.effects[0].probability == 0.99
+
+
+def test_an_effect_that_the_validation_runs_cannot_show_is_named() -> None:
+    """A note for each effect of all runs whose odds they cannot reach; none for the others."""
+    split = campaign_of(RUNS[:2], RUNS[2:])
+    fit = fit_declared(split.training, "zoh")
+    judged = AcceptanceCriteria(300.0, 15.0, 0.1, 0.1, 0.1, 60.0, False, expected=80.0)
+    found = {
+        "coulomb_friction": replace(judged, validation=0.0, log_odds=0.1, expected=0.5),
+        "load_step": replace(judged, validation=0.0, log_odds=0.0, expected=0.0, local=True),
+        "brush_drop": judged,
+    }
+    effects = tuple(Found(name, 0.99, criteria, ()) for name, criteria in found.items())
+    analysis = ResidualAnalysis(split, fit, fit, Outcome(fit, effects, ()), localise(fit))
+
+    (note,) = worse_runs(analysis)
+
+    assert note.code == "effect_not_validated"
+    assert "refute Coulomb friction:" in note.message
 
 
 def test_nothing_is_certain_if_the_model_explains_nothing_of_the_speed() -> None:

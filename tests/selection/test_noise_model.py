@@ -11,6 +11,7 @@ from bench import EffectRequest, Noise, make_campaign
 from identification.fit.campaign import Campaign
 from identification.fit.declared import fit_declared
 from identification.fit.noise import with_noise_model
+from identification.selection.evidence import EvaluatedModel
 from identification.selection.noise_model import under_noise_model, with_ordinary_noise
 from identification.selection.outcome import Outcome
 from identification.selection.policy import DEFAULT
@@ -126,3 +127,5 @@ def test_the_errors_of_training_and_validation_are_compared_without_student_weig
     )
     assert np.all(unweighted_deviation(fit) > fit.weighting.deviation)
     assert unweighted_deviation(plain) is plain.weighting.deviation
+    # Nearly the same parameters and residuals, in both cases without the weights.
+    assert abs(EvaluatedModel(fit, 1.0).criteria(EvaluatedModel(plain, 1.0), 1).training) < 0.01
