@@ -21,6 +21,7 @@ from identification.checks.dead import (
     stuck_findings,
     unlogged_voltage_findings,
 )
+from identification.checks.disconnected import disconnections_of
 from identification.checks.discontinuous import discontinuous_findings
 from identification.checks.driven import driven_findings
 from identification.checks.finding import Finding, Omission, refusal, suspicion
@@ -76,7 +77,7 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     omissions: list[Omission] = []
-    for omissions_of in (_limits_of, coastings_of, _stalls_of):
+    for omissions_of in (_limits_of, disconnections_of, coastings_of, _stalls_of):
         pairs = list(zip(runs, omissions_of(runs), strict=True))
         runs = tuple(without(run, one.samples) if one else run for run, one in pairs)
         omissions += [one for _, one in pairs if one]
