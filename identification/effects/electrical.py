@@ -9,7 +9,13 @@ import casadi as ca
 import numpy as np
 
 from identification.effects.confusion import BRUSHES, INDUCTANCE, TORQUE_CONSTANT
-from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.effect import (
+    EACH_RUN,
+    AbstractEffect,
+    CampaignScales,
+    Candidate,
+    register,
+)
 from identification.effects.parameters import amplitude, asymmetry, columns, shape
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -17,6 +23,7 @@ from identification.model.term import (
     AbstractVoltage,
     Expression,
     Signals,
+    State,
     Values,
 )
 
@@ -30,6 +37,8 @@ _LEAST_HEATED: Final = 10.0
 """Least range of the logged temperature that shows how the brush drop changes with it [K]."""
 _REFERENCE: Final = 1.5
 """Reference current i_0 of a saturation, over the usual current, the RMS current of the runs."""
+_SPREAD: Final = 0.01
+"""First guess of the differences of the drop between runs, over the voltage scale."""
 _RATE: Final = Parameter(
     "rate", "1/K", "relative change of the drop per kelvin, c in the formula", scale=2e-3,
     lower=-8e-3, upper=8e-3, prior_sd=2.0,
@@ -54,7 +63,9 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     asymmetry between the two directions.  V_b is the mean of both (d = 0) or, if the current of the
     runs has one sign only, the drop at that sign (d = 1 or -1).  The contact voltage of carbon
     falls as it warms: in an extended variant, V_b is V_b (1 + c (T - 25)), with the logged
-    temperature T.
+    temperature T.  The film on the commutator builds up and wears: in another one, V_b + e stands
+    in place of V_b, with an `excess` e that is free in each record, as a constant state.  The
+    setting `spread` in a result is then the root mean square of these excesses [V].
     """
 
     voltage_size: float
@@ -67,8 +78,13 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     """True if the drop changes with temperature."""
     direction: int = 0
     """Sign of the current of all runs; 0 if it has both."""
+    several: bool = False
+    """True if there are several runs, whose drops may differ."""
+    spread: float = 0.0
+    """Standard deviation of the excess of a run [V]; zero if all runs have the same drop."""
 
     name = "brush_drop"
+    amplitude_scale = "spread"
     confusions = (BRUSHES,)
     drivers = ("current",)
     source = (
@@ -77,13 +93,27 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
 
     @property
     def variant(self) -> str:
-        """The temperature dependence, if it is estimated."""
-        return "changing with temperature" if self.changes else ""
+        """The temperature dependence, if it is estimated, and the separate drops, if any."""
+        words = ("changing with temperature", self.changes), (EACH_RUN, self.varies)
+        return ", ".join(word for word, applies in words if applies)
+
+    @property
+    def varies(self) -> bool:
+        return self.spread > 0.0
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        return (State("excess", "V", scale=self.spread, is_own=True),) if self.varies else ()
 
     @property
     def richer(self) -> tuple[BrushDrop, ...]:
-        """The variant with a drop that changes with temperature."""
-        return () if self.changes or not self.is_heated else (replace(self, changes=True),)
+        """The variants with a drop that changes with temperature, and with one of each run."""
+        found = []
+        if self.is_heated and not self.changes:
+            found.append(replace(self, changes=True))
+        if self.several and not self.varies:
+            found.append(replace(self, spread=_SPREAD * self.voltage_size))
+        return tuple(found)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -115,7 +145,8 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
         share = relative * ca.exp(ca.log(bent) / power)
         even = ca.sqrt(share * share + _ROUND**2) - _ROUND
         one_way = 1 + values.asymmetry * self.direction
-        drop = values.voltage * (share + values.asymmetry * even) / one_way
+        full = values.voltage + states.excess if self.varies else values.voltage
+        drop = full * (share + values.asymmetry * even) / one_way
         return -drop * (1 + values.rate * (signals.temperature - 25)) if self.changes else -drop
 
     @classmethod
@@ -124,7 +155,8 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
         starts = [(drop, knee * scales.current, 2.0, 1.0, 0.0) for knee in knees]
         is_heated = scales.heated >= _LEAST_HEATED
         direction = scales.direction(0)
-        term = cls(scales.voltage, scales.current, is_heated, direction=direction)
+        several = len(scales.runs) > 1
+        term = cls(scales.voltage, scales.current, is_heated, direction=direction, several=several)
         return [Candidate(term, columns(*starts))]
 
 

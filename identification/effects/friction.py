@@ -8,7 +8,13 @@ from typing import Final
 import casadi as ca
 
 from identification.effects.confusion import FRICTION
-from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
+from identification.effects.effect import (
+    EACH_RUN,
+    AbstractEffect,
+    CampaignScales,
+    Candidate,
+    register,
+)
 from identification.effects.parameters import amplitude, asymmetry, columns, shape, uneven
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -16,6 +22,7 @@ from identification.model.term import (
     AbstractTorque,
     Expression,
     Signals,
+    State,
     Values,
 )
 
@@ -32,6 +39,12 @@ smoothing, and a faster one, a tenth of the speed scale, not from viscous fricti
 
 _SHARPER: Final = 0.1
 """Ratio of the widths of a sharper sign and of this one."""
+
+_SPREAD: Final = 0.05
+"""First guess of the differences between runs, over the torque scale: the size of a prototype."""
+
+_NO_MEAN: Final = 1e-3
+"""Common torque over the excess in a prototype of the latter, which begins with all of it."""
 
 _LEAST_LEFT = 0.01
 """Lower limit of 1 - f k (T - 25), the remaining fraction of the friction to the power f."""
@@ -62,6 +75,11 @@ class CoulombFriction(_Friction):
     or, if the runs turn in one direction only, the torque in that one (d = 1 or -1).  Seals and
     greased contacts creep before they slide: in an extended variant, the speed `creep` in place of
     the smoothing is estimated, and sgn w is w / sqrt(w^2 + creep^2).
+
+    Brushes and seals run in, and the preload of bearings changes with each mounting.  In another
+    extended variant, T_c + c stands in place of T_c, with an `excess` c that is free in each
+    record, as a constant state.  The setting `spread` in a result is then the root mean square of
+    these excesses [N m].
     """
 
     width: float
@@ -70,19 +88,35 @@ class CoulombFriction(_Friction):
     """True if the width of the sign is a parameter, the creep speed."""
     direction: int = 0
     """Sign of the speed of all runs; 0 if they turn in both directions."""
+    several: bool = False
+    """True if there are several runs, whose friction may differ."""
+    spread: float = 0.0
+    """Standard deviation of the excess of a run [N m]; zero if all runs have the same friction."""
 
     name = "coulomb_friction"
+    amplitude_scale = "spread"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"
 
     @property
     def variant(self) -> str:
-        """The creep, if it is estimated."""
-        return "creeping before it slides" if self.creeps else ""
+        """The creep, if it is estimated, and the separate torques, if there are any."""
+        words = ("creeping before it slides", self.creeps), (EACH_RUN, self.varies)
+        return ", ".join(word for word, applies in words if applies)
+
+    @property
+    def varies(self) -> bool:
+        return self.spread > 0.0
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        return (State("excess", "N m", scale=self.spread, is_own=True),) if self.varies else ()
 
     @property
     def richer(self) -> tuple[CoulombFriction, ...]:
-        """The variant with an estimated creep speed."""
-        return () if self.creeps else (replace(self, creeps=True),)
+        """The variants with a separate torque for each run, and with an estimated creep speed."""
+        spread = _SPREAD * self.torque_size
+        each = (replace(self, spread=spread),) if self.several and not self.varies else ()
+        return each if self.creeps else (*each, replace(self, creeps=True))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -99,7 +133,10 @@ class CoulombFriction(_Friction):
         # Algebraic, so that it costs one square root.
         width = values.creep if self.creeps else self.width
         sign = signals.speed / ca.sqrt(signals.speed * signals.speed + width * width)
-        return -values.torque * uneven(sign, values.asymmetry, self.direction)
+        return -self._size(states, values) * uneven(sign, values.asymmetry, self.direction)
+
+    def _size(self, states: Values, values: Values) -> Expression:
+        return values.torque + states.excess if self.varies else values.torque
 
     @property
     def sharper(self) -> CoulombFriction:
@@ -108,8 +145,30 @@ class CoulombFriction(_Friction):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        term = cls(scales.torque, _WIDTH * scales.speed, direction=scales.direction(1))
-        return [Candidate(term, columns((0.05 * scales.torque, 0.0)))]
+        """One friction for all runs and, with several runs, one with an excess in each record."""
+        width, direction = _WIDTH * scales.speed, scales.direction(1)
+        size = _SPREAD * scales.torque
+        several = len(scales.runs) > 1
+        common = cls(scales.torque, width, direction=direction, several=several)
+        found = [Candidate(common, columns((size, 0.0)))]
+        if several:
+            scored = _ScoredExcess(scales.torque, width, direction=direction)
+            start = columns((_NO_MEAN * size, 0.0, size))
+            found.append(Candidate(scored, start, fitted=replace(common, spread=size)))
+        return found
+
+
+@dataclass(frozen=True)
+class _ScoredExcess(CoulombFriction):
+    """The friction with an excess, as one parameter, whose amplitude is scored for each record."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        excess = amplitude("excess", "N m", "friction of a run", self.torque_size, signed=True)
+        return (*super().parameters, excess)
+
+    def _size(self, states: Values, values: Values) -> Expression:
+        return values.torque + values.excess
 
 
 @register

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from scipy.special import erf
 
 from benchmarks.effects_page import example_scales
+from identification.effects.effect import EACH_RUN
 from identification.effects.electrical import BrushDrop, InductanceSaturation
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
@@ -157,3 +158,14 @@ def test_a_saturation_is_tried_with_the_inductance_at_the_usual_current_unchange
         assert left[0] == pytest.approx(1.0)
         assert factors["L"] * left[1] == pytest.approx(1.0)
         assert factors["L"] > 1.05
+
+
+def test_a_drop_of_each_run_is_tried_if_there_are_several_runs() -> None:
+    """The law with an excess contains the law with one drop, at an excess of zero."""
+    single, several = BrushDrop(10.0, 1.0), BrushDrop(10.0, 1.0, several=True)
+    (each,) = several.richer
+
+    assert single.richer == ()
+    assert (several.variant, each.variant) == ("", EACH_RUN)
+    assert [state.name for state in each.states] == ["excess"]
+    assert each.richer == ()
