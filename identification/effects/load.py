@@ -21,6 +21,7 @@ from identification.effects.effect import (
     runs_text,
 )
 from identification.effects.parameters import amplitude, columns, shape
+from identification.effects.runs import in_runs
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -93,13 +94,6 @@ def resonances(scales: CampaignScales) -> tuple[float, float] | None:
     """
     slowest, fastest = 20.0 / scales.duration, 2.5 / scales.interval
     return None if fastest < _LEAST_RANGE * slowest else (slowest, fastest)
-
-
-def _in_runs(signals: Signals, runs: Sequence[int]) -> Expression:
-    """Factor that is one in these runs and zero elsewhere; one everywhere without runs [-]."""
-    if not runs:
-        return ca.SX(1)
-    return sum((ca.fabs(signals.run - one) < 0.5 for one in runs), ca.SX(0))
 
 
 @register
@@ -212,7 +206,7 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
         )
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        here = _in_runs(signals, self.runs)
+        here = in_runs(signals, self.runs)
 
         def passed(moment: Expression) -> Expression:
             late = (signals.time - moment) / self.edge
@@ -263,7 +257,7 @@ class InertiaChange(AbstractRunEffect, AbstractCoefficient):
         )
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        return 1 + values.change * _in_runs(signals, self.runs)
+        return 1 + values.change * in_runs(signals, self.runs)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

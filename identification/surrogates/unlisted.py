@@ -6,6 +6,7 @@ from typing import Final
 
 from identification.effects.effect import AbstractEffect
 from identification.surrogates.curves import MissingTorque, MissingVoltage
+from identification.surrogates.gain import CurrentGain, VoltageGain
 from identification.surrogates.gear import GearFriction
 from identification.surrogates.laws import (
     AngularFriction,
@@ -30,5 +31,11 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
 )
 """Terms that the search tries if no effect of its catalogue explains the residual."""
 
-LAWS: Final[tuple[type[AbstractEffect], ...]] = (SupplySag, GearFriction, SpeedRipple)
+LAWS: Final[tuple[type[AbstractEffect], ...]] = (
+    SupplySag,
+    GearFriction,
+    SpeedRipple,
+    CurrentGain,
+    VoltageGain,
+)
 """Physical laws outside the catalogue that the search tries together with its effects."""
