@@ -16,7 +16,7 @@ from identification.ingest.columns import (
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import ROW
 from identification.ingest.names import is_direction, is_sample_number, is_setpoint, similar_to
-from identification.ingest.units import canonical_unit
+from identification.ingest.units import canonical_unit, find_unit
 
 __all__ = ["missing_columns"]
 
@@ -107,13 +107,25 @@ def _derivations(names: Sequence[str], free: Sequence[Column]) -> tuple[str, lis
             entry["sign"] = plain(ways[0].title, 80)
         examples.append({"voltage_V": entry})
     angles = similar_columns("position_rad", free) if "speed_rad_s" in names else []
-    if angles:
+    if angles and _is_in_volts(angles[0]):
+        hint += (
+            f" ({quoted(angles[0].title)} is a voltage: count the pulses of an encoder in the "
+            "logger, or give the gain of a sensor of the speed)"
+        )
+        examples.append(scaled_example("speed_rad_s", angles[0], _GAINS["speed_rad_s"]))
+    elif angles:
         hint += (
             " (the speed may be derived from an angle or encoder count, "
             f"{quoted(angles[0].title)} mapped to position_rad)"
         )
         examples.append(scaled_example("position_rad", angles[0], "RAD_PER_COUNT"))
     return hint, examples
+
+
+def _is_in_volts(column: Column) -> bool:
+    """True if a column has the unit of a voltage, also after a name that is no channel's."""
+    ends = (find_unit(text.rpartition("_")[2]) for text in column.texts)
+    return any(unit is not None and unit.quantity == "voltage" for unit in (column.unit, *ends))
 
 
 def _without_header(names: Sequence[str], count: int) -> RunFileError:

@@ -160,6 +160,12 @@ def test_count_without_a_scale_asks_for_it(tmp_path: Path) -> None:
         read(tmp_path, "encoder_count", counts())
 
 
+def test_an_encoder_in_volts_is_no_angle(tmp_path: Path) -> None:
+    """The level of its pulses needs a counter, and a voltage in proportion to the speed a gain."""
+    with pytest.raises(errors.MissingColumn, match="RAD_S_PER_V"):
+        read(tmp_path, "encoder_V", 5.0 * (counts() % 2))
+
+
 def test_ten_samples_are_too_few_for_their_differences(tmp_path: Path) -> None:
     """Nine differences remain."""
     with pytest.raises(errors.TooFewRows, match="9 samples"):
