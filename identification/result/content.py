@@ -310,13 +310,16 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
     # An estimate tells more than the note of its file that there is no temperature.
     covered = {"no_temperature"} if temperatures else set()
     notes = [w for run in runs for w in run.warnings if w.code not in covered]
+    undetermined = _undetermined(findings)
     return [
         *(contradiction_warning(one, runs[0]) for one in findings.contradicted),
         *findings.admission.warnings,
         *missed,
         *unexplained_channels(analysis),
-        *_undetermined(findings),
-        *early_stop_warnings(final, analysis.outcome, findings.sample, *stopped),
+        *undetermined,
+        *early_stop_warnings(
+            final, analysis.outcome, findings.sample, *stopped, is_determined=not undetermined
+        ),
         *outlier_warnings(analysis.simulated["after"]["training"]),
         *coarse_warnings(campaign.training_runs, analysis.noise),
         *coarse_voltage_warnings(campaign.training_runs, final),

@@ -21,6 +21,13 @@ _SUBSTITUTES: Final[dict[Source, str]] = {
     "parameters near a bound and for strongly confounded parameters",
 }
 
+_UNDETERMINED: Final[tuple[str, Option | None]] = (
+    "the walkers move slowly along parameters that the runs do not determine: record runs that "
+    "determine them, or give --known NAME=VALUE",
+    "known",
+)
+"""Advice for a sampler that more operations hardly help."""
+
 _STUCK: Final = 1000
 """R-hat from which its value says no more than that no walker moved [-]."""
 
@@ -31,10 +38,13 @@ def early_stop_warnings(
     sample: Sample | None,
     effort: str,
     time_limit: float | None,
+    *,
+    is_determined: bool = True,
 ) -> list[ResultWarning]:
     """Warnings on an early stop of the fit, the effect search or the sampler.
 
-    `time_limit` is the limit that stopped a stage [s]; None if none did.
+    `time_limit` is the limit that stopped a stage [s]; None if none did.  `is_determined` is true
+    if the runs determine all parameters.
     """
     limit = f"the time limit of {time_limit} s" if time_limit is not None else ""
     warnings = []
@@ -61,7 +71,8 @@ def early_stop_warnings(
         remedy = "check the units and the sample interval of the runs, or sample faster"
         warnings.append(ResultWarning("search_incomplete", "warning", message, remedy))
     if sample is not None and not sample.convergence.reached:
-        warnings.append(_unconverged(sample, effort, limit))
+        fix = _remedy(effort, limit) if is_determined or limit else _UNDETERMINED
+        warnings.append(_unconverged(sample, limit, fix))
     return warnings
 
 
@@ -77,7 +88,7 @@ def _undecided(outcome: Outcome, effort: str, limit: str) -> list[ResultWarning]
     return [ResultWarning("search_incomplete", "warning", message, *_remedy(effort, limit))]
 
 
-def _unconverged(sample: Sample, effort: str, limit: str) -> ResultWarning:
+def _unconverged(sample: Sample, limit: str, fix: tuple[str, Option | None]) -> ResultWarning:
     found = sample.convergence
     # Walkers that stay in place have hardly any variance within a half, by which R-hat is divided.
     r_hat = f"{found.r_hat_max:.3f}" if found.r_hat_max < _STUCK else f"above {_STUCK}"
@@ -89,7 +100,7 @@ def _unconverged(sample: Sample, effort: str, limit: str) -> ResultWarning:
         + _SUBSTITUTES[sample.source]
         + (f"; it stopped at {limit}" if limit else "")
     )
-    return ResultWarning("sampler_not_converged", "warning", message, *_remedy(effort, limit))
+    return ResultWarning("sampler_not_converged", "warning", message, *fix)
 
 
 def _remedy(effort: str, limit: str) -> tuple[str, Option | None]:

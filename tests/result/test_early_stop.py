@@ -46,3 +46,16 @@ def test_r_hat_of_walkers_that_stay_in_place_is_no_row_of_digits(r_hat: float, t
 
     assert warning.code == "sampler_not_converged"
     assert text in warning.message
+    assert "--effort thorough" in warning.fix
+
+
+def test_more_operations_are_no_advice_for_parameters_that_the_runs_do_not_determine() -> None:
+    """Walkers move slowly along a ridge; a known value ends it."""
+    convergence = Convergence(32, 10, 0.0, 10.0, 1.0, 4.0, reached=False)
+    sample = Sample(np.zeros((10, 32, 1)), None, ("Ra25",), ("ohm",), convergence, "normal")
+    converged = cast(Fit, SimpleNamespace(converged=True))
+
+    (warning,) = early_stop_warnings(converged, None, sample, "normal", None, is_determined=False)
+
+    assert "--effort" not in warning.fix
+    assert warning.option == "known"
