@@ -54,6 +54,8 @@ _UNSIGNED_BETTER: Final = 0.35
 """Largest ratio of the unexplained fractions with and without the restored sign."""
 _TURNS: Final = 4
 _STANDSTILL: Final = 0.05
+_SIGNED_VALUES: Final = {"current_A": "the signed mean and not the RMS value, a magnitude too"}
+"""What to log instead, if a meter makes magnitudes, by channel."""
 
 Exchange = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 
@@ -236,8 +238,8 @@ def magnitude_findings(run: Run, signals: Signals) -> list[Finding]:
                     "identified from magnitudes",
                     ("unexplained fraction of the voltage variance", before, limit),
                     *signed(run, name),
-                    remedy="log the signed value, or map it times a column of the direction, "
-                    f"{name}=HEADER * DIRECTION",
+                    remedy=f"log {_SIGNED_VALUES.get(name, 'the signed value')}, or map it times a "
+                    f"column of the direction, {name}=HEADER * DIRECTION",
                 )
                 for name in names
             ]

@@ -30,6 +30,17 @@ def test_channel_of_magnitudes_is_reported(channel: str) -> None:
     assert contradictions(columns) == [("unsigned_channel", channel)]
 
 
+def test_an_rms_current_is_among_the_causes_of_a_current_without_sign() -> None:
+    """The RMS value is never negative; that of a speed is no usual reading."""
+    columns = motor()
+    for channel in ("current_A", "speed_rad_s"):
+        columns[channel] = np.abs(columns[channel])
+
+    current, speed = check_runs([read_run(pd.DataFrame(columns))]).findings
+
+    assert ("RMS" in current.remedy, "RMS" in speed.remedy) == (True, False)
+
+
 def test_two_channels_of_magnitudes_are_both_reported() -> None:
     """Current and speed are absolute values."""
     columns = motor()
