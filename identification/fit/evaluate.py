@@ -15,6 +15,7 @@ from identification.fit.order_tracking import is_tracked, tracked
 from identification.fit.own_states import state_covariances
 from identification.fit.solve import Fit
 from identification.fit.temperature import with_own_temperatures
+from identification.fit.tracked_fit import slow_noise
 from identification.model.excitation import Record, squares_of
 from identification.model.simulate import Simulator
 
@@ -78,7 +79,7 @@ def simulate_unseen(
     deviation = fit.weighting.deviation
     states = fitted_initial_states(simulator, fit.values, deviation, whole=whole, most=most)
     if whole:
-        simulator, states = _tracked(simulator, fit.values, states, deviation)
+        simulator, states = _tracked(fit, simulator, states)
     if fit.simulator.substeps is not None:
         simulator = simulator.accurate(fit.values, states, deviation)
     logged = simulator.logged(fit.values[:, None], states)
@@ -158,23 +159,29 @@ def median_start(fit: Fit, term: AbstractEffect, sd: float) -> float:
 
 
 def _tracked(
-    simulator: Simulator, values: Array, states: tuple[Array, ...], deviation: Array
+    fit: Fit, simulator: Simulator, states: tuple[Array, ...]
 ) -> tuple[Simulator, tuple[Array, ...]]:
-    """Simulator with tracked angles, and the initial states at them."""
+    """Simulator with tracked angles, and the initial states at them.
+
+    The angles are tracked for white noise of the speed first, then for its noise in the fit.
+    """
     if not is_tracked(simulator.model):
         return simulator, states
+    values, deviation = fit.values, fit.weighting.deviation
     simulator = simulator.roughly_accurate(values, states, deviation)
     least = _ENOUGH * sum(record.measured.size for record in simulator.records)
-    cost = np.inf
-    for _ in range(_TRACKED):
-        found, begun = tracked(simulator, values, states, deviation)
-        begun = fitted_initial_states(found, values, deviation, whole=True, start=begun)
-        before, cost = cost, _cost(found, values, begun, deviation)
-        if not cost < before:
-            break
-        simulator, states = found, begun
-        if before - cost < least:
-            break
+    best = np.inf
+    for slow in sorted({1.0, slow_noise(fit)}):
+        for _ in range(_TRACKED):
+            found, begun = tracked(simulator, values, states, deviation, slow)
+            begun = fitted_initial_states(found, values, deviation, whole=True, start=begun)
+            cost = _cost(found, values, begun, deviation)
+            gain = best - cost
+            if not gain > 0.0:
+                break
+            best, simulator, states = cost, found, begun
+            if gain < least:
+                break
     return simulator, states
 
 

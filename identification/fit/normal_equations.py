@@ -77,12 +77,17 @@ class NormalEquations:
     def decrement_within(self, position: Array, coordinates: Coordinates) -> float:
         """Predicted decrease of the cost by a full step within the bounds; about 1 by chance.
 
-        If no step can be computed, the decrease is infinite.
+        The step moves the initial states too: at parameters that fit, they alone may not.  If no
+        step can be computed, the decrease is infinite.
         """
         if not self.is_finite:
             return np.inf
         step = self._step_within(0.0, position, coordinates, self.gradient)
-        return float(self.gradient @ step - 0.5 * step @ self.matrix @ step)
+        by_states = sum(
+            0.5 * float(gradient @ solution(matrix, gradient))
+            for matrix, gradient in zip(self.state_matrices, self.state_gradients, strict=True)
+        )
+        return float(self.gradient @ step - 0.5 * step @ self.matrix @ step) + by_states
 
     def steps(
         self, dampings: Array, position: Array, coordinates: Coordinates

@@ -5,9 +5,10 @@ from the true angle by delta, with increments of variance
 
     var(delta(t + d) - delta(t)) = sigma_w^2 h d,                           [rad^2]
 
-where sigma_w is the noise of the speed and h the sample interval.  A torque of order k turns the
-drift into a phase error k delta.  After a few seconds it exceeds a period and the torque vanishes
-from the average over the record, although it is large in each part of it.
+where sigma_w is the noise of the speed and h the sample interval.  In autocorrelated noise, sigma_w
+is the slow noise: that of white noise with the same power at frequency zero.  A torque of order k
+turns the drift into a phase error k delta.  After a few seconds it exceeds a period and the torque
+vanishes from the average over the record, although it is large in each part of it.
 
 The torque itself shows the drift.  In blocks so short that the phase error within one is small, its
 two amplitudes follow from linear least squares with the simulated responses to a sine and a cosine.
@@ -23,7 +24,7 @@ Navigation, Wiley (2001), section 8.6 (smoothing).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -41,7 +42,7 @@ __all__ = [
     "block_edges",
     "block_products",
     "is_tracked",
-    "path_size",
+    "path_penalty",
     "tracked",
 ]
 
@@ -63,37 +64,28 @@ _PASSES: Final = 3
 
 
 def tracked(
-    simulator: Simulator, values: Array, states: Sequence[Array], deviation: Array
+    simulator: Simulator,
+    values: Array,
+    states: Sequence[Array],
+    deviation: Array,
+    slow: float = 1.0,
 ) -> tuple[Simulator, tuple[Array, ...]]:
     """Simulator with corrected angles, and initial states with the amplitudes at these angles.
 
     Both are unchanged if no term of the model depends on an integrated angle.  The values are
     (n_parameter,) physical, the states (n_state,) for each record, the noise of current and speed
-    is (2,) [A, rad/s].
+    is (2,) [A, rad/s].  `slow` is the slow noise of the speed over its noise [-].
     """
     term = _tracked_term(simulator)
     found = [state.copy() for state in states]
     if term is None or not np.all(deviation > 0):
         return simulator, tuple(found)
     order = _order(simulator, term, values)
-    places = {name: k for k, name in enumerate(simulator.model.state_names)}
-    waves = [[places[f"{term.name}.{name}"] for name in pair] for pair in term.tracked]
-    size = next(s.scale for s in term.states if s.name == term.tracked[0][0])
+    waves, size = _waves(simulator, term)
     for _ in range(_PASSES):
-        before = simulator.records
-        moves = [_moves(state, waves, size) for state in found]
-        lanes = [np.column_stack([s, s[:, None] + m]) for s, m in zip(found, moves, strict=True)]
-        logged = simulator.logged(np.repeat(values[:, None], lanes[0].shape[1], axis=1), lanes)
-        records = list(before)
-        for k, record in enumerate(records):
-            walk = order**2 * deviation[1] ** 2 * sample_interval([record])
-            if record.angle_logged or walk * _duration(record) < _NEGLIGIBLE:
-                continue
-            residual = (record.measured - logged[k][:, :, 0]) / deviation
-            moved = (logged[k][:, :, 1:] - logged[k][:, :, :1]) / (_STEP * deviation[:, None])
-            if not np.isfinite(np.concatenate([residual[:, :, None], moved], axis=2)).all():
-                continue
-            series = _Series(record, walk, residual, moved)
+        before, records = simulator.records, list(simulator.records)
+        for k, series in _all_series(simulator, values, found, deviation, slow):
+            record = series.record
             if record.raw_angle is None:
                 path, found[k][waves[0]] = _acquired(series, found[k][waves[0]], size)
             else:
@@ -133,14 +125,30 @@ def block_products(
     return np.add.reduceat(matrix, edges[:-1]), np.add.reduceat(right, edges[:-1])
 
 
-def path_size(simulator: Simulator, values: Array, deviation: Array) -> int:
-    """Number of phases, beyond one a record, that tracking estimates in coarse blocks."""
+def path_penalty(
+    simulator: Simulator,
+    values: Array,
+    states: Sequence[Array],
+    deviation: Array,
+    slow: float,
+    fraction: float,
+) -> float:
+    """What the paths of the phase cost in the evidence of a model [log likelihood].
+
+    The prior of a path is the random walk: half the log determinant of its posterior over its prior
+    information, and half its squared increments (MacKay, Neural Computation 4 (1992), 415-447).
+    The samples count by the effective fraction [-]; the other arguments are those of `tracked`.
+    """
     term = _tracked_term(simulator)
-    if term is None:
-        return 0
+    if term is None or all(record.raw_angle is None for record in simulator.records):
+        return 0.0
     order = _order(simulator, term, values)
-    corrected = [record for record in simulator.records if record.raw_angle is not None]
-    return sum(block_edges(record, order, float(deviation[1])).size - 2 for record in corrected)
+    tracks = _all_series(simulator, values, states, deviation, slow)
+    return sum(
+        series.penalty(order, len(term.tracked), fraction)
+        for _, series in tracks
+        if series.record.raw_angle is not None
+    )
 
 
 def _tracked_term(simulator: Simulator) -> AbstractTerm | None:
@@ -150,6 +158,38 @@ def _tracked_term(simulator: Simulator) -> AbstractTerm | None:
 def _order(simulator: Simulator, term: AbstractTerm, values: Array) -> float:
     names = [parameter.name for parameter in simulator.model.parameters]
     return float(values[names.index(f"{term.name}.order")])
+
+
+def _waves(simulator: Simulator, term: AbstractTerm) -> tuple[list[list[int]], float]:
+    """Places of the amplitudes in the state, a pair for each harmonic, and their scale."""
+    places = {name: k for k, name in enumerate(simulator.model.state_names)}
+    waves = [[places[f"{term.name}.{name}"] for name in pair] for pair in term.tracked]
+    return waves, next(s.scale for s in term.states if s.name == term.tracked[0][0])
+
+
+def _all_series(
+    simulator: Simulator,
+    values: Array,
+    states: Sequence[Array],
+    deviation: Array,
+    slow: float,
+) -> Iterator[tuple[int, _Series]]:
+    """Number and series of each record whose angle drifts enough to be corrected."""
+    term = _tracked_term(simulator)
+    if term is None:
+        return
+    order = _order(simulator, term, values)
+    moves = [_moves(state, *_waves(simulator, term)) for state in states]
+    lanes = [np.column_stack([s, s[:, None] + m]) for s, m in zip(states, moves, strict=True)]
+    logged = simulator.logged(np.repeat(values[:, None], lanes[0].shape[1], axis=1), lanes)
+    for k, record in enumerate(simulator.records):
+        walk = order**2 * (slow * deviation[1]) ** 2 * sample_interval([record])
+        if record.angle_logged or walk * _duration(record) < _NEGLIGIBLE:
+            continue
+        residual = (record.measured - logged[k][:, :, 0]) / deviation
+        moved = (logged[k][:, :, 1:] - logged[k][:, :, :1]) / (_STEP * deviation[:, None])
+        if np.isfinite(np.concatenate([residual[:, :, None], moved], axis=2)).all():
+            yield k, _Series(record, walk, residual, moved)
 
 
 def _edges(record: Record, walk: float, variance: float) -> NDArray[np.int64]:
@@ -174,6 +214,30 @@ class _Series:
     def blocks(self, edges: NDArray[np.int64], lanes: slice) -> tuple[Array, Array]:
         """For each block the normal matrix and the right-hand side of some responses."""
         return block_products(self.responses[:, :, lanes], self.residual, self.record.weight, edges)
+
+    def fine(self, harmonics: int) -> tuple[Array, Array, Array]:
+        """Middles of fine blocks [s], and information and right-hand side of their phases."""
+        edges = _edges(self.record, self.walk * harmonics**2, _FINE)
+        matrix, right = self.blocks(edges, slice(2, 3))
+        return _middles(self.record, edges), matrix[:, 0, 0], right[:, 0]
+
+    def present(self, order: float, time: Array) -> Array:
+        """Path of the phase at some times [rad]."""
+        path = order * (self.record.column("angle") - self.record.integrated)
+        return np.asarray(np.interp(time, self.record.time, path))
+
+    def penalty(self, order: float, harmonics: int, fraction: float) -> float:
+        """Share of the record in `path_penalty`."""
+        time, precision, _ = self.fine(harmonics)
+        if not precision.any():
+            return 0.0
+        diagonal, links = _chain(fraction * precision, time, self.walk)
+        for k, link in enumerate(links):
+            diagonal[k + 1] -= link**2 / diagonal[k]
+        # The mean phase of the record is no part of the walk: its amplitudes contain it.
+        whole = np.log(fraction * np.sum(precision))
+        spread = np.sum(np.log(diagonal)) - np.sum(np.log(links)) - whole
+        return 0.5 * float(spread + links @ np.diff(self.present(order, time)) ** 2)
 
 
 def _acquired(series: _Series, amplitudes: Array, size: float) -> tuple[Array, Array]:
@@ -205,16 +269,12 @@ def _acquired(series: _Series, amplitudes: Array, size: float) -> tuple[Array, A
 
 def _improved(series: _Series, order: float, harmonics: int) -> Array:
     """Path (n_sample,) after a Gauss-Newton step from the present one, with fine blocks [rad]."""
-    record, walk = series.record, series.walk
-    edges = _edges(record, walk * harmonics**2, _FINE)
-    matrix, right = series.blocks(edges, slice(2, 3))
-    precision = matrix[:, 0, 0]
-    step = np.divide(right[:, 0], precision, out=np.zeros(precision.size), where=precision > 0)
-    time = _middles(record, edges)
-    present = order * (record.column("angle") - record.integrated)
+    record = series.record
+    time, precision, right = series.fine(harmonics)
     if not precision.any():
-        return present
-    path = _smoothed(np.interp(time, record.time, present) + step, precision, time, walk)
+        return series.present(order, record.time)
+    step = np.divide(right, precision, out=np.zeros(precision.size), where=precision > 0)
+    path = _smoothed(series.present(order, time) + step, precision, time, series.walk)
     return np.asarray(np.interp(record.time, time, path))
 
 
@@ -257,12 +317,18 @@ def _smoothed(phases: Array, precision: Array, time: Array, walk: float) -> Arra
     """Most probable path (n_block,) of a random walk through phases of known precision [rad]."""
     if phases.size == 1:
         return phases
+    diagonal, links = _chain(precision, time, walk)
+    banded = np.vstack([np.concatenate([[0.0], -links]), diagonal])
+    return np.asarray(solveh_banded(banded, precision * phases))
+
+
+def _chain(precision: Array, time: Array, walk: float) -> tuple[Array, Array]:
+    """Diagonal (n_block,) and links (n_block - 1,) of the information matrix of a path."""
     links = 1.0 / (walk * np.diff(time))
     diagonal = precision.copy()
     diagonal[:-1] += links
     diagonal[1:] += links
-    banded = np.vstack([np.concatenate([[0.0], -links]), diagonal])
-    return np.asarray(solveh_banded(banded, precision * phases))
+    return diagonal, links
 
 
 def _moves(state: Array, waves: Sequence[Sequence[int]], size: float) -> Array:

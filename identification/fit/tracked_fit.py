@@ -11,14 +11,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from identification.arrays import Array
-from identification.fit.order_tracking import is_tracked, tracked
+from identification.fit.autoregression import autoregression, spectrum
+from identification.fit.order_tracking import is_tracked, path_penalty, tracked
 from identification.fit.solve import Fit, TerminationLimits, continued, renewed, solve
 from identification.model.parameter import Coordinates
 from identification.model.simulate import Simulator
 from identification.model.weighting import Weighting
 
-__all__ = ["retracked", "solve_tracked"]
+__all__ = ["retracked", "slow_noise", "solve_tracked", "tracking_penalty"]
 
 _ENOUGH: Final = 1e-4
 """Gain per sample below which another correction of the angles is not worth its fit [log
@@ -32,28 +35,67 @@ _CORRECTIONS: Final = 12
 """Alternations of correction and fit at most."""
 _PASSES: Final = 3
 """Fits to the optimum at most."""
+_FREQUENCIES: Final = 1024
+"""Frequencies over which the power of the noise is averaged."""
+
+
+def slow_noise(fit: Fit) -> float:
+    """Slow noise of the speed over its noise, at least 1 [-].
+
+    It is the noise of white noise with the same power at frequency zero, and decides how fast an
+    integrated angle drifts.  The residual of a fit shows it once the angles are tracked for white
+    noise.
+    """
+    speeds = [
+        residual[:, 1] * np.sqrt(fit.weighting.sample_weights(k)[:, 1])
+        for k, residual in enumerate(fit.residuals())
+    ]
+    power = float(spectrum(autoregression(speeds), _FREQUENCIES)[0])
+    return float(np.sqrt(max(power, 1.0)))
+
+
+def tracking_penalty(fit: Fit, fraction: float) -> float:
+    """What the tracked angles cost in the evidence of a model [log likelihood].
+
+    The data count with the effective sample fraction [-].
+    """
+    if not is_tracked(fit.simulator.model):
+        return 0.0
+    noise = fit.weighting.deviation
+    return path_penalty(fit.simulator, fit.values, fit.states, noise, slow_noise(fit), fraction)
 
 
 def retracked(fit: Fit, limits: TerminationLimits | None = None) -> Fit:
     """The fit with the angles tracked at its optimum, or the fit itself if that is no better.
 
     Angles and parameters depend on each other: corrections alternate with short fits until one
-    gains hardly anything.  Then the fit goes to the optimum, and is corrected again.
+    gains hardly anything.  Then the fit goes to the optimum, and is corrected again: for white
+    noise of the speed first, then for the noise that the residual shows.
     """
+    if not is_tracked(fit.simulator.model):
+        return fit
+    fit = _retracked(fit, 1.0, limits)
+    slow = slow_noise(fit)
+    return _retracked(fit, slow, limits) if slow > 1.0 else fit
+
+
+def _retracked(fit: Fit, slow: float, limits: TerminationLimits | None) -> Fit:
+    """The fit with the angles tracked for a slow noise of the speed over its noise [-]."""
     short, enough = _shortened(limits), _ROUGHLY
     for _ in range(_PASSES):
-        better = _alternated(fit, short, enough)
+        better = _alternated(fit, short, enough, slow)
         if better is fit:
             break
         fit, enough = renewed(continued(better, limits), limits), _ENOUGH
     return fit
 
 
-def _alternated(fit: Fit, limits: TerminationLimits, enough: float) -> Fit:
+def _alternated(fit: Fit, limits: TerminationLimits, enough: float, slow: float) -> Fit:
     """The fit after corrections of the angles, each followed by a refit that gains enough."""
     least = enough * float(fit.weighting.counts.sum())
     for _ in range(_CORRECTIONS):
-        simulator, states = tracked(fit.simulator, fit.values, fit.states, fit.weighting.deviation)
+        noise = fit.weighting.deviation
+        simulator, states = tracked(fit.simulator, fit.values, fit.states, noise, slow)
         if simulator is fit.simulator:
             break
         weighting = replace(fit.weighting, records=simulator.records)

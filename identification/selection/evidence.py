@@ -27,8 +27,8 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import median_start, voltage_noise_power
-from identification.fit.order_tracking import path_size
 from identification.fit.solve import Fit
+from identification.fit.tracked_fit import tracking_penalty
 from identification.linear import least_squares
 from identification.model.composite import Edges
 from identification.selection.common_samples import chance_of_fading, common_edges, fit_within
@@ -134,6 +134,7 @@ class EvaluatedModel:
         added = self.effects_added_to(simpler)
         shared += sum(len(term.moments) for term in added)
         more = shared + _lasting(self.fit) - _lasting(simpler.fit)
+        paths = [tracking_penalty(model.fit, self.fraction) for model in (self, simpler)]
         fall = np.full(2, np.inf)
         if np.isfinite(simpler.fit.cost):
             fall = np.log(unweighted_deviation(simpler.fit) / unweighted_deviation(self.fit))
@@ -149,7 +150,7 @@ class EvaluatedModel:
             expected = self.fraction * self.unseen.expected_log_odds(simpler.unseen, deviation)
         return AcceptanceCriteria(
             gain=self.fraction * (simpler.fit.cost - self.fit.cost),
-            needed=by_chance(max(more, 1), samples, max(tried, 1)),
+            needed=by_chance(max(more, 1), samples, max(tried, 1)) + paths[0] - paths[1],
             training=float(np.sum(fall[counts > 0])),
             validation=validation,
             possible=possible,
@@ -212,8 +213,8 @@ class EvaluatedModel:
             return float("inf")
         samples = max(float(self.fit.weighting.counts.sum()) * fraction, 2.0)
         penalty = 0.5 * (_determined(self.fit) + _lasting(self.fit)) * float(np.log(samples))
-        chance = chance_of_fading(self.fit, self.edges)
-        return fraction * (self.fit.cost + self._predictive()) + penalty + chance
+        penalty += chance_of_fading(self.fit, self.edges) + tracking_penalty(self.fit, fraction)
+        return fraction * (self.fit.cost + self._predictive()) + penalty
 
     def _predictive(self) -> float:
         """Negative log likelihood of the validation runs at unknown noise level."""
@@ -233,14 +234,13 @@ def _log_ratio(square: Array, other: Array) -> Array:
 
 
 def _lasting(fit: Fit) -> int:
-    """Number of initial values and phases, over all records, that are parameters in the BIC.
+    """Number of initial values, over all records, that are parameters in the BIC.
 
     Current, speed and fading states do not count.  Late samples contain no information on them, so
     their penalty does not grow with the logarithm of the record length.
     """
     states = [state for term in fit.simulator.model.terms for state in term.states]
-    phases = path_size(fit.simulator, fit.values, fit.weighting.deviation)
-    return len(fit.states) * sum(not state.fades for state in states) + phases
+    return len(fit.states) * sum(not state.fades for state in states)
 
 
 def _determined(fit: Fit) -> float:

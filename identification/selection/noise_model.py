@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from identification.fit.noise import with_noise_model
-from identification.fit.order_tracking import is_tracked
 from identification.fit.solve import Fit, continued
 from identification.selection.steps import State
 from identification.selection.trials import Trials
@@ -26,13 +25,12 @@ def under_noise_model(state: State) -> State | None:
     """State of a search that continues from the current model with the noise model of its residual.
 
     None if the residual is white and normal or holds more than noise: a candidate of the last round
-    is significant, but was refused.  None as well if angles are tracked: they are tracked in the
-    residual itself.
+    is significant, but was refused.
     """
     fit, trials = state.current.fit, state.trials
     last = [one.criteria for one in state.searched if one.round == state.round]
     is_structured = any(one is not None and one.is_unconfirmed for one in last)
-    if is_structured or is_tracked(fit.simulator.model):
+    if is_structured:
         return None
     current = with_noise_model(fit)
     if current is fit or not current.converged:

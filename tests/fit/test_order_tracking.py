@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from identification.effects.periodic import CoggingTorque
-from identification.fit.order_tracking import path_size, tracked
+from identification.fit.order_tracking import path_penalty, tracked
 from identification.fit.solve import solve
-from identification.fit.tracked_fit import solve_tracked
+from identification.fit.tracked_fit import slow_noise, solve_tracked
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.excitation import Record
 from identification.model.parameter import Coordinates
@@ -24,10 +25,13 @@ ORDER, TORQUE, SPEED_NOISE, INTERVAL, ROWS = 20.0, 0.004, 1.0, 1e-3, 6000
 SERVO = motor_named("servo 100 W")
 
 
-def _slow_run(rng: np.random.Generator, *, has_cogging: bool) -> tuple[Simulator, Array, Array]:
+def _slow_run(
+    rng: np.random.Generator, *, has_cogging: bool, memory: float = 0.0
+) -> tuple[Simulator, Array, Array]:
     """A run at some tens of rad/s, its angle integrated from the noisy speed, and the true angle.
 
-    The true angle is a state of the model that generates the run.
+    The true angle is a state of the model that generates the run.  The noise has the variance of
+    white noise and the correlation `memory` between successive samples.
     """
     time: Array = INTERVAL * np.arange(ROWS, dtype=np.float64)
     voltage = np.interp(time, time[::400], rng.uniform(-4.0, 4.0, time[::400].size))
@@ -46,7 +50,9 @@ def _slow_run(rng: np.random.Generator, *, has_cogging: bool) -> tuple[Simulator
     states = truth.states(values[:, None], [start])[0][:, :, 0]
     angle = states[:, -1]
     noise = np.array([1e-3, SPEED_NOISE])
-    measured = states[:, :2] + noise * rng.standard_normal((ROWS, 2))
+    white = rng.standard_normal((ROWS, 2))
+    coloured = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white, axis=0)
+    measured = states[:, :2] + noise * coloured
     moved = 0.5 * INTERVAL * (measured[1:, 1] + measured[:-1, 1])
     integrated = np.concatenate([[0.0], np.cumsum(moved)])
     logged = replace(blank.with_angle(integrated), measured=measured, raw_angle=None)
@@ -76,7 +82,7 @@ def test_a_tracked_angle_turns_with_the_shaft_and_not_with_the_noise() -> None:
         names = found.model.state_names
         waves = [state[names.index(f"cogging_torque.{name}")] for name in ("sine", "cosine")]
         assert np.isclose(np.hypot(*waves), TORQUE, rtol=0.1)
-        assert path_size(found, values, noise) > 0
+        assert path_penalty(found, values, [state], noise, 1.0, 1.0) > 0
     assert np.mean(before) > 0.5
     assert max(after) < 0.3
 
@@ -93,8 +99,8 @@ def test_a_logged_angle_is_not_corrected() -> None:
     assert after is encoder
 
 
-def test_noise_alone_gains_less_than_the_phases_cost() -> None:
-    """A path through noise lowers the misfit by less than half log(n) for each of its phases."""
+def test_noise_alone_gains_less_than_the_path_costs() -> None:
+    """A path and an amplitude through noise lower the misfit by less than they cost."""
     rng = np.random.default_rng(5)
     simulator, values, _ = _slow_run(rng, has_cogging=False)
     (start,) = [initial_states(simulator.model, record) for record in simulator.records]
@@ -109,8 +115,8 @@ def test_noise_alone_gains_less_than_the_phases_cost() -> None:
             (after, after.logged(values[:, None], states)[0]),
         )
     ]
-    phases = path_size(after, values, noise) + 2
-    assert misfits[0] - misfits[1] < 0.5 * np.log(ROWS) * phases
+    path = path_penalty(after, values, states, noise, 1.0, 1.0)
+    assert misfits[0] - misfits[1] < np.log(ROWS) + path
 
 
 def test_angles_and_parameters_reach_their_common_optimum() -> None:
@@ -134,3 +140,18 @@ def test_angles_and_parameters_reach_their_common_optimum() -> None:
         weighting = replace(fit.weighting, records=again.records)
         further = solve(again, coordinates, fit.position, states, weighting)
         assert fit.cost - further.cost < 1e-3 * 2 * ROWS
+
+
+def test_a_drift_in_slow_noise_is_tracked_as_one_that_is_faster() -> None:
+    """A correlation of 0.9 between samples makes the angle drift as fast as 4.4 times the noise."""
+    noise, memory = np.array([1e-3, SPEED_NOISE]), 0.9
+    simulator, values, angle = _slow_run(np.random.default_rng(1), has_cogging=True, memory=memory)
+    coordinates = Coordinates(simulator.model.parameters)
+    start = [initial_states(simulator.model, record) for record in simulator.records]
+    as_white, states = tracked(simulator, values, start, noise)
+    weighting = replace(Weighting.white(as_white.records), deviation=noise)
+
+    fit = solve_tracked(as_white, coordinates, coordinates.of(values), states, weighting)
+
+    assert np.isclose(slow_noise(fit), np.sqrt((1 + memory) / (1 - memory)), rtol=0.2)
+    assert _phase_errors(fit.simulator, angle) < 0.5 * _phase_errors(as_white, angle)
