@@ -22,6 +22,7 @@ from identification.model.term import (
 
 __all__ = [
     "CurrentAverage",
+    "CurrentMean",
     "CurrentRecursion",
     "CurrentSampleAverage",
     "DigitalFilter",
@@ -34,7 +35,7 @@ __all__ = [
 _MOST: Final = 32
 """Sample intervals of the longest window."""
 _SHORTEST: Final = 1.2
-"""Sample intervals of the shortest window; one interval is the law of `SpeedMean`."""
+"""Sample intervals of the shortest window; one interval is the law of the means."""
 _FASTEST: Final = 0.3
 _SLOWEST: Final = 300.0
 """Time constants of a recursive filter over the sample interval: the fastest keeps 4 % of its last
@@ -58,15 +59,12 @@ class _OfCurrent(AbstractEffect):
 
 
 @dataclass(frozen=True)
-class SpeedMean(_OfSpeed, AbstractMean):
-    """Mean of the speed over the sample interval, as from differenced encoder counts."""
+class _Mean(AbstractEffect, AbstractMean):
+    """Mean over the sample interval that ends with the sample."""
 
     law: str = "mean over the sample interval"
     """Name of the law in a result."""
 
-    source = (
-        "Petrella, Tursini, Peretti and Zigliotto, Proc. ACEMP (2007), 780-787 (speed from counts)"
-    )
     parameters = ()
 
     @property
@@ -74,8 +72,24 @@ class SpeedMean(_OfSpeed, AbstractMean):
         return self.law
 
     @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:  # noqa: ARG003
         return [Candidate(cls(), columns(()))]
+
+
+@dataclass(frozen=True)
+class SpeedMean(_OfSpeed, _Mean):
+    """Mean of the speed over the sample interval, as from differenced encoder counts."""
+
+    source = (
+        "Petrella, Tursini, Peretti and Zigliotto, Proc. ACEMP (2007), 780-787 (speed from counts)"
+    )
+
+
+@dataclass(frozen=True)
+class CurrentMean(_OfCurrent, _Mean):
+    """Mean of the current over the sample interval, as of an integrating converter."""
+
+    source = "Kester (ed.), The Data Conversion Handbook, Newnes (2005), chapter 3"
 
 
 @dataclass(frozen=True)

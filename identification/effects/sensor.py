@@ -10,6 +10,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.effects.average import (
     CurrentAverage,
+    CurrentMean,
     CurrentRecursion,
     CurrentSampleAverage,
     DigitalFilter,
@@ -175,7 +176,8 @@ class CurrentFilter(_Filter):
         y_k = a y_(k-1) + (1 - a) i_k,   a = exp(-h / tau)                  [A]
 
     The first law is a filter, of first order if q is absent.  The second law is that of integrating
-    converters, the others are filters of the samples at intervals h.
+    converters; it has no parameter if the window is the sample interval h.  The others are filters
+    of the samples.
     """
 
     name = "current_filter"
@@ -183,7 +185,11 @@ class CurrentFilter(_Filter):
     drivers = ("current",)
     channel = "current"
     unit = "A"
-    laws = (CurrentAverage, CurrentSampleAverage, CurrentRecursion)
+    laws = (CurrentMean, CurrentAverage, CurrentSampleAverage, CurrentRecursion)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        return [*super().candidates(scales), *CurrentMean.candidates(scales)]
 
 
 @register

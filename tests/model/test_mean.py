@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bench import EffectRequest, Noise, make_campaign
-from identification.effects.average import SpeedAverage, SpeedMean, SpeedRecursion
+from identification.effects.average import CurrentMean, SpeedAverage, SpeedMean, SpeedRecursion
 from identification.effects.sensor import ChannelDelay, SpeedFilter
 from identification.fit.declared import fit_declared
 from identification.model.composite import MotorModel
@@ -41,17 +42,28 @@ def speed(simulator: Simulator, *more: float) -> np.ndarray:
     return simulator.logged(values, [START])[0][:, 1, 0]
 
 
-def test_mean_is_the_integral_of_the_speed_over_the_interval() -> None:
+def current(simulator: Simulator) -> np.ndarray:
+    """Logged current of the servo [A]."""
+    return simulator.logged(SERVO.vector[:, None], [START])[0][:, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("law", "logged", "digits"), [(SpeedMean(), speed, 1e-7), (CurrentMean(), current, 1e-5)]
+)
+def test_mean_is_the_integral_over_the_interval(
+    law: AbstractTerm, logged: Callable[[Simulator], np.ndarray], digits: float
+) -> None:
     """Reference: Simpson's rule on 64 substeps; the trapezoid over whole intervals errs by 0.6."""
     dense = densely(RECORDS[0], FINE)
-    true = speed(Simulator.fitting(DECLARED, [dense], SERVO.vector))
+    true = logged(Simulator.fitting(DECLARED, [dense], SERVO.vector))
+    mean = logged(Simulator.fitting(DECLARED.adding(law), RECORDS, SERVO.vector))
     within = np.stack([true[k : -FINE - 1 + k or None : FINE] for k in range(FINE + 1)])
     weights = np.ones(FINE + 1)
     weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
 
     expected = weights @ within / (3 * FINE)
 
-    np.testing.assert_allclose(speed(MEAN)[1 : 1 + expected.size], expected, atol=1e-7)
+    np.testing.assert_allclose(mean[1 : 1 + expected.size], expected, atol=digits)
     trapezoid = 0.5 * (true[:-FINE:FINE] + true[FINE::FINE])
     assert np.abs(trapezoid[: expected.size] - expected).max() > 0.1
 
