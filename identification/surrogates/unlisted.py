@@ -16,6 +16,7 @@ from identification.surrogates.laws import (
     SupplySag,
 )
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple, SpeedRipple
+from identification.surrogates.run_in import ViscousOfRuns
 
 __all__ = ["LAWS", "SURROGATES"]
 
@@ -37,5 +38,6 @@ LAWS: Final[tuple[type[AbstractEffect], ...]] = (
     SpeedRipple,
     CurrentGain,
     VoltageGain,
+    ViscousOfRuns,
 )
 """Physical laws outside the catalogue that the search tries together with its effects."""
