@@ -9,21 +9,15 @@ import casadi as ca
 import numpy as np
 
 from identification.effects.confusion import BRUSHES, INDUCTANCE, TORQUE_CONSTANT
-from identification.effects.effect import (
-    EACH_RUN,
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    register,
-)
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import amplitude, asymmetry, columns, shape
+from identification.effects.runs import AbstractExcess
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
     AbstractVoltage,
     Expression,
     Signals,
-    State,
     Values,
 )
 
@@ -49,7 +43,7 @@ __all__ = ["BrushDrop", "FluxSaturation", "InductanceSaturation"]
 
 @register
 @dataclass(frozen=True)
-class BrushDrop(AbstractEffect, AbstractVoltage):
+class BrushDrop(AbstractExcess, AbstractVoltage):
     """Voltage drop at the brush contacts, with the sign of the current.
 
         v = -V_b s (1 + a sgn s) / (1 + a d),   |s|^p = 1 - (1 + o |i / i_b|^p)^(-1/o)      [V]
@@ -78,13 +72,9 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     """True if the drop changes with temperature."""
     direction: int = 0
     """Sign of the current of all runs; 0 if it has both."""
-    several: bool = False
-    """True if there are several runs, whose drops may differ."""
-    spread: float = 0.0
-    """Standard deviation of the excess of a run [V]; zero if all runs have the same drop."""
 
     name = "brush_drop"
-    amplitude_scale = "spread"
+    unit = "V"
     confusions = (BRUSHES,)
     drivers = ("current",)
     source = (
@@ -94,16 +84,7 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
     @property
     def variant(self) -> str:
         """The temperature dependence, if it is estimated, and the separate drops, if any."""
-        words = ("changing with temperature", self.changes), (EACH_RUN, self.varies)
-        return ", ".join(word for word, applies in words if applies)
-
-    @property
-    def varies(self) -> bool:
-        return self.spread > 0.0
-
-    @property
-    def states(self) -> tuple[State, ...]:
-        return (State("excess", "V", scale=self.spread, is_own=True),) if self.varies else ()
+        return self.in_variant("changing with temperature" if self.changes else "")
 
     @property
     def richer(self) -> tuple[BrushDrop, ...]:
@@ -145,7 +126,7 @@ class BrushDrop(AbstractEffect, AbstractVoltage):
         share = relative * ca.exp(ca.log(bent) / power)
         even = ca.sqrt(share * share + _ROUND**2) - _ROUND
         one_way = 1 + values.asymmetry * self.direction
-        full = values.voltage + states.excess if self.varies else values.voltage
+        full = self.of_run(values.voltage, states)
         drop = full * (share + values.asymmetry * even) / one_way
         return -drop * (1 + values.rate * (signals.temperature - 25)) if self.changes else -drop
 

@@ -8,21 +8,15 @@ from typing import Final
 import casadi as ca
 
 from identification.effects.confusion import FRICTION
-from identification.effects.effect import (
-    EACH_RUN,
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    register,
-)
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import amplitude, asymmetry, columns, shape, uneven
+from identification.effects.runs import AbstractExcess
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
     AbstractTorque,
     Expression,
     Signals,
-    State,
     Values,
 )
 
@@ -65,7 +59,7 @@ class _Friction(AbstractEffect, AbstractTorque):
 
 @register
 @dataclass(frozen=True)
-class CoulombFriction(_Friction):
+class CoulombFriction(_Friction, AbstractExcess):
     """Coulomb friction: a torque against the motion that does not depend on the speed.
 
         tau = -T_c (1 + a sgn w) / (1 + a d) sgn w                          [N m]
@@ -88,28 +82,15 @@ class CoulombFriction(_Friction):
     """True if the width of the sign is a parameter, the creep speed."""
     direction: int = 0
     """Sign of the speed of all runs; 0 if they turn in both directions."""
-    several: bool = False
-    """True if there are several runs, whose friction may differ."""
-    spread: float = 0.0
-    """Standard deviation of the excess of a run [N m]; zero if all runs have the same friction."""
 
     name = "coulomb_friction"
-    amplitude_scale = "spread"
+    unit = "N m"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"
 
     @property
     def variant(self) -> str:
         """The creep, if it is estimated, and the separate torques, if there are any."""
-        words = ("creeping before it slides", self.creeps), (EACH_RUN, self.varies)
-        return ", ".join(word for word, applies in words if applies)
-
-    @property
-    def varies(self) -> bool:
-        return self.spread > 0.0
-
-    @property
-    def states(self) -> tuple[State, ...]:
-        return (State("excess", "N m", scale=self.spread, is_own=True),) if self.varies else ()
+        return self.in_variant("creeping before it slides" if self.creeps else "")
 
     @property
     def richer(self) -> tuple[CoulombFriction, ...]:
@@ -136,7 +117,7 @@ class CoulombFriction(_Friction):
         return -self._size(states, values) * uneven(sign, values.asymmetry, self.direction)
 
     def _size(self, states: Values, values: Values) -> Expression:
-        return values.torque + states.excess if self.varies else values.torque
+        return self.of_run(values.torque, states)
 
     @property
     def sharper(self) -> CoulombFriction:

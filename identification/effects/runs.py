@@ -1,14 +1,48 @@
-"""Restriction of a law to some runs of a campaign."""
+"""Laws that hold in some runs of a campaign, or whose size differs from run to run."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
-from identification.model.term import Expression, Signals
+from identification.effects.effect import EACH_RUN, AbstractEffect
+from identification.model.term import Expression, Signals, State, Values
 
-__all__ = ["in_runs"]
+__all__ = ["AbstractExcess", "in_runs"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AbstractExcess(AbstractEffect):
+    """Effect whose size in a variant has an `excess`, free in each record, over a common value."""
+
+    unit: ClassVar[str]
+    """Unit of the size."""
+
+    several: bool = False
+    """True if there are several runs, which may differ."""
+    spread: float = 0.0
+    """Standard deviation of the excess of a run, in its unit; zero if all runs have one size."""
+
+    amplitude_scale = "spread"
+
+    @property
+    def varies(self) -> bool:
+        return self.spread > 0.0
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        return (State("excess", self.unit, scale=self.spread, is_own=True),) if self.varies else ()
+
+    def in_variant(self, words: str) -> str:
+        """The words of another variant, if any, and that of the excess, if it has one."""
+        return ", ".join(word for word in (words, EACH_RUN if self.varies else "") if word)
+
+    def of_run(self, common: Expression, states: Values) -> Expression:
+        """Size in a run, of which `common` is the value of all runs."""
+        return common + states.excess if self.varies else common
 
 
 def in_runs(signals: Signals, runs: Sequence[int]) -> Expression:
