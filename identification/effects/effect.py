@@ -199,7 +199,10 @@ class AbstractEffect(AbstractTerm):
         return self
 
     def flaw(self, values: Mapping[str, float]) -> str:
-        """Reason why parameters by name contradict the effect, in words; else empty."""
+        """Reason why parameters by name contradict the effect, in words; else empty.
+
+        The value `spread` is the size of the amplitudes that are free in each record, if any.
+        """
         return ""
 
     def expecting(self, size: float) -> Self:

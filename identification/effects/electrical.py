@@ -75,6 +75,7 @@ class BrushDrop(AbstractExcess, AbstractVoltage):
 
     name = "brush_drop"
     unit = "V"
+    common = "voltage"
     confusions = (BRUSHES,)
     drivers = ("current",)
     source = (

@@ -85,6 +85,7 @@ class CoulombFriction(_Friction, AbstractExcess):
 
     name = "coulomb_friction"
     unit = "N m"
+    common = "torque"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994), 1083-1138"
 
     @property

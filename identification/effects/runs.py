@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -20,6 +20,8 @@ class AbstractExcess(AbstractEffect):
 
     unit: ClassVar[str]
     """Unit of the size."""
+    common: ClassVar[str]
+    """Parameter with the value of all runs, which is positive."""
 
     several: bool = False
     """True if there are several runs, which may differ."""
@@ -35,6 +37,21 @@ class AbstractExcess(AbstractEffect):
     @property
     def states(self) -> tuple[State, ...]:
         return (State("excess", self.unit, scale=self.spread, is_own=True),) if self.varies else ()
+
+    def flaw(self, values: Mapping[str, float]) -> str:
+        """Reason to reject sizes that would be negative in some runs; else empty.
+
+        A normal distribution with a standard deviation above its mean has a sixth of its values
+        below zero.
+        """
+        spread, common = values.get("spread", 0.0), values[self.common]
+        if not self.varies or common >= spread:
+            return ""
+        return (
+            f"implausible: differences of {spread:.3g} {self.unit} between the runs, expected at "
+            f"most the common value ({common:.3g} {self.unit}), as no size is negative; the term "
+            "acts as another law"
+        )
 
     def in_variant(self, words: str) -> str:
         """The words of another variant, if any, and that of the excess, if it has one."""

@@ -26,12 +26,19 @@ from identification.linear import solution
 from identification.model.composite import MotorModel
 from identification.model.excitation import Record
 from identification.model.simulate import Simulator, initial_states
-from identification.model.term import AbstractTemperature
+from identification.model.term import AbstractTemperature, AbstractTerm
 
 if TYPE_CHECKING:
     from identification.fit.solve import Fit
 
-__all__ = ["amplitude_sizes", "own_cost", "state_covariances", "state_precision", "state_prior"]
+__all__ = [
+    "amplitude_sizes",
+    "own_cost",
+    "state_covariances",
+    "state_precision",
+    "state_prior",
+    "term_values",
+]
 
 
 def own_cost(simulator: Simulator, states: Sequence[Array]) -> Array | float:
@@ -114,6 +121,14 @@ def amplitude_sizes(fit: Fit) -> dict[str, float]:
         determined = float(np.sum(1.0 - np.diagonal(own, axis1=1, axis2=2) / size**2))
         sizes[name] = float(np.sqrt(squares / determined)) if determined >= 1.0 else size
     return sizes
+
+
+def term_values(fit: Fit, term: AbstractTerm) -> dict[str, float]:
+    """Parameters of a term by name, and `spread`, the size of its per-record amplitudes, if any."""
+    values = {p.name: fit.by_name[f"{term.name}.{p.name}"] for p in term.parameters}
+    if any(state.is_own for state in term.states):
+        values["spread"] = amplitude_sizes(fit)[term.name]
+    return values
 
 
 def _own(model: MotorModel) -> list[tuple[str, NDArray[np.int64], float, Array]]:

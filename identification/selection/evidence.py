@@ -27,6 +27,7 @@ from identification.effects.catalogue import CATALOGUE
 from identification.effects.effect import AbstractEffect, effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import median_start, voltage_noise_power
+from identification.fit.own_states import term_values
 from identification.fit.solve import Fit
 from identification.fit.tracked_fit import tracking_penalty
 from identification.linear import least_squares
@@ -169,13 +170,11 @@ class EvaluatedModel:
         """Why the added terms are implausible or the model cannot be computed; empty otherwise."""
         if not self.is_computed:
             return UNCOMPUTED
-        values = self.fit.by_name
         for term in effects_of(self.fit.simulator.model.terms):
             # An extended variant has the type of the term it replaces, and can be implausible too.
             if term in simpler.fit.simulator.model.terms:
                 continue
-            own = {p.name: values[f"{term.name}.{p.name}"] for p in term.parameters}
-            flaw = term.flaw(own) or (_COLD if self._is_cold(term) else "")
+            flaw = term.flaw(term_values(self.fit, term)) or (_COLD if self._is_cold(term) else "")
             if flaw:
                 return flaw
         if not self.noise.any():

@@ -82,3 +82,15 @@ def test_an_excess_of_each_run_comes_back_from_a_result() -> None:
     assert term_of({"name": "coulomb_friction", "settings": settings}) == CoulombFriction(2.0, 0.1)
     sizes = {"voltage_size": 10.0, "current_size": 1.0}
     assert term_of({"name": "brush_drop", "settings": sizes}) == BrushDrop(10.0, 1.0)
+
+
+@pytest.mark.parametrize(("spread", "is_implausible"), [(0.3, False), (2.1, True), (0.0, False)])
+def test_sizes_that_would_be_negative_in_some_runs_are_implausible(
+    spread: float, is_implausible: bool
+) -> None:
+    """A friction whose differences exceed its mean stands in for another law."""
+    friction = CoulombFriction(2.0, 0.1, several=True, spread=0.3)
+
+    flaw = friction.flaw({"torque": 2.0, "asymmetry": 0.0, "spread": spread})
+
+    assert bool(flaw) is is_implausible
