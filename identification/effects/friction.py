@@ -35,10 +35,7 @@ _SHARPER: Final = 0.1
 """Ratio of the widths of a sharper sign and of this one."""
 
 _SPREAD: Final = 0.05
-"""First guess of the differences between runs, over the torque scale: the size of a prototype."""
-
-_NO_MEAN: Final = 1e-3
-"""Common torque over the excess in a prototype of the latter, which begins with all of it."""
+"""First guess of the differences between runs, over the torque scale."""
 
 _LEAST_LEFT = 0.01
 """Lower limit of 1 - f k (T - 25), the remaining fraction of the friction to the power f."""
@@ -115,10 +112,8 @@ class CoulombFriction(_Friction, AbstractExcess):
         # Algebraic, so that it costs one square root.
         width = values.creep if self.creeps else self.width
         sign = signals.speed / ca.sqrt(signals.speed * signals.speed + width * width)
-        return -self._size(states, values) * uneven(sign, values.asymmetry, self.direction)
-
-    def _size(self, states: Values, values: Values) -> Expression:
-        return self.of_run(values.torque, states)
+        size = self.of_run(values.torque, states)
+        return -size * uneven(sign, values.asymmetry, self.direction)
 
     @property
     def sharper(self) -> CoulombFriction:
@@ -127,30 +122,13 @@ class CoulombFriction(_Friction, AbstractExcess):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One friction for all runs and, with several runs, one with an excess in each record."""
-        width, direction = _WIDTH * scales.speed, scales.direction(1)
-        size = _SPREAD * scales.torque
-        several = len(scales.runs) > 1
-        common = cls(scales.torque, width, direction=direction, several=several)
-        found = [Candidate(common, columns((size, 0.0)))]
-        if several:
-            scored = _ScoredExcess(scales.torque, width, direction=direction)
-            start = columns((_NO_MEAN * size, 0.0, size))
-            found.append(Candidate(scored, start, fitted=replace(common, spread=size)))
-        return found
-
-
-@dataclass(frozen=True)
-class _ScoredExcess(CoulombFriction):
-    """The friction with an excess, as one parameter, whose amplitude is scored for each record."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        excess = amplitude("excess", "N m", "friction of a run", self.torque_size, signed=True)
-        return (*super().parameters, excess)
-
-    def _size(self, states: Values, values: Values) -> Expression:
-        return values.torque + values.excess
+        term = cls(
+            scales.torque,
+            _WIDTH * scales.speed,
+            direction=scales.direction(1),
+            several=len(scales.runs) > 1,
+        )
+        return [Candidate(term, columns((0.05 * scales.torque, 0.0)))]
 
 
 @register

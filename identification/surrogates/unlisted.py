@@ -16,7 +16,7 @@ from identification.surrogates.laws import (
     SupplySag,
 )
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple, SpeedRipple
-from identification.surrogates.run_in import ViscousOfRuns
+from identification.surrogates.run_in import DryFrictionOfRuns, ViscousFrictionOfRuns
 
 __all__ = ["LAWS", "SURROGATES"]
 
@@ -29,6 +29,8 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
     DahlFriction,
     Backlash,
     CurrentSaturation,
+    ViscousFrictionOfRuns,
+    DryFrictionOfRuns,
 )
 """Terms that the search tries if no effect of its catalogue explains the residual."""
 
@@ -38,6 +40,5 @@ LAWS: Final[tuple[type[AbstractEffect], ...]] = (
     SpeedRipple,
     CurrentGain,
     VoltageGain,
-    ViscousOfRuns,
 )
 """Physical laws outside the catalogue that the search tries together with its effects."""

@@ -10,7 +10,7 @@ from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.selection.search import search
 from identification.surrogates.entry import term_of
-from identification.surrogates.run_in import ViscousOfRuns
+from identification.surrogates.run_in import DryFrictionOfRuns, ViscousFrictionOfRuns
 from tests.motors import drive, motor_named, run_of
 
 MOTOR = motor_named("servo 100 W")
@@ -34,9 +34,18 @@ def test_viscous_friction_that_runs_in_is_that_of_each_run() -> None:
     outcome = search(fit_declared(campaign.training, "zoh"), campaign)
 
     (term,) = outcome.fit.simulator.model.terms
-    assert isinstance(term, ViscousOfRuns)
-    entry = {"name": "unlisted", "equation": "mechanical"}
-    assert term_of({**entry, "settings": {"viscous_size": term.viscous_size}}) == term
+    assert isinstance(term, ViscousFrictionOfRuns)
     own = np.array([state[-1] for state in outcome.fit.states])
     found = (outcome.fit.by_name["b"] + own) / VISCOUS
     np.testing.assert_allclose(found, FACTORS[:-1], rtol=0.05)
+
+
+def test_either_friction_of_each_run_comes_back_from_a_result() -> None:
+    """The settings tell dry from viscous friction."""
+    entry = {"name": "unlisted", "equation": "mechanical"}
+
+    viscous = term_of({**entry, "settings": {"viscous_size": 1e-4}})
+    dry = term_of({**entry, "settings": {"dry_size": 0.01, "width": 0.1}})
+
+    assert viscous == ViscousFrictionOfRuns(1e-4)
+    assert dry == DryFrictionOfRuns(0.01, 0.1)
