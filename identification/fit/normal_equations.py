@@ -77,17 +77,19 @@ class NormalEquations:
     def decrement_within(self, position: Array, coordinates: Coordinates) -> float:
         """Predicted decrease of the cost by a full step within the bounds; about 1 by chance.
 
-        The step moves the initial states too: at parameters that fit, they alone may not.  If no
-        step can be computed, the decrease is infinite.
+        The initial states follow the parameters; what they gain by themselves is the
+        `state_decrement`.  If no step can be computed, the decrease is infinite.
         """
         if not self.is_finite:
             return np.inf
         step = self._step_within(0.0, position, coordinates, self.gradient)
-        by_states = sum(
-            0.5 * float(gradient @ solution(matrix, gradient))
-            for matrix, gradient in zip(self.state_matrices, self.state_gradients, strict=True)
-        )
-        return float(self.gradient @ step - 0.5 * step @ self.matrix @ step) + by_states
+        return float(self.gradient @ step - 0.5 * step @ self.matrix @ step)
+
+    @property
+    def state_decrement(self) -> float:
+        """Predicted decrease of the cost if the initial states alone move to their optimum."""
+        pairs = zip(self.state_matrices, self.state_gradients, strict=True)
+        return sum(0.5 * float(right @ solution(matrix, right)) for matrix, right in pairs)
 
     def steps(
         self, dampings: Array, position: Array, coordinates: Coordinates

@@ -236,7 +236,7 @@ def optimised(
         if limits.over or not equations.is_finite:
             break
         decrement = equations.decrement_within(at, coordinates)
-        if decrement < limits.enough(cost):
+        if _left(equations, at, coordinates) < limits.enough(cost):
             break
         if cost - _OPTIMISM[min(number, 3)] * decrement > limits.abandon_cost:
             break
@@ -263,5 +263,13 @@ def optimised(
         if small == _SMALL and (decrement < 1.0 or np.isfinite(limits.reference)):
             converged = decrement < 1.0
             break
-    converged |= equations.decrement_within(at, coordinates) < limits.enough(cost)
+    converged |= _left(equations, at, coordinates) < limits.enough(cost)
     return Fit(simulator, coordinates, at, tuple(x0), weighting, cost, equations, converged)
+
+
+def _left(equations: NormalEquations, position: Array, coordinates: Coordinates) -> float:
+    """Predicted decrease of the cost by a step of the parameters and of the initial states.
+
+    At parameters that suit from the start, the initial states alone may not.
+    """
+    return equations.decrement_within(position, coordinates) + equations.state_decrement

@@ -26,7 +26,7 @@ def test_wrong_initial_states_alone_leave_a_step_to_take() -> None:
     predicted = [
         module.normal_equations(
             fit.simulator, fit.coordinates, fit.position, states, fit.weighting
-        ).decrement_within(fit.position, fit.coordinates)
+        ).state_decrement
         for states in (fit.states, wrong)
     ]
 
