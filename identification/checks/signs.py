@@ -55,7 +55,7 @@ _UNSIGNED_BETTER: Final = 0.35
 _TURNS: Final = 4
 _STANDSTILL: Final = 0.05
 _SIGNED_VALUES: Final = {"current_A": "the signed mean and not the RMS value, a magnitude too"}
-"""What to log instead, if a meter makes magnitudes, by channel."""
+"""Quantity to log in place of a magnitude, by channel."""
 
 Exchange = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 

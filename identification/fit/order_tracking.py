@@ -133,7 +133,7 @@ def path_penalty(
     slow: float,
     fraction: float,
 ) -> float:
-    """What the paths of the phase cost in the evidence of a model [log likelihood].
+    """Reduction of the log evidence by the paths of the phase [log likelihood].
 
     The prior of a path is the random walk: half the log determinant of its posterior over its prior
     information, and half its squared increments (MacKay, Neural Computation 4 (1992), 415-447).

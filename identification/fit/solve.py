@@ -236,7 +236,7 @@ def optimised(
         if limits.over or not equations.is_finite:
             break
         decrement = equations.decrement_within(at, coordinates)
-        if _left(equations, at, coordinates) < limits.enough(cost):
+        if decrement + equations.state_decrement < limits.enough(cost):
             break
         if cost - _OPTIMISM[min(number, 3)] * decrement > limits.abandon_cost:
             break

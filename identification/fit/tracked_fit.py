@@ -55,9 +55,9 @@ def slow_noise(fit: Fit) -> float:
 
 
 def tracking_penalty(fit: Fit, fraction: float) -> float:
-    """What the tracked angles cost in the evidence of a model [log likelihood].
+    """Reduction of the log evidence by the tracked angles [log likelihood].
 
-    The data count with the effective sample fraction [-].
+    The likelihood is multiplied by the effective sample fraction [-].
     """
     if not is_tracked(fit.simulator.model):
         return 0.0

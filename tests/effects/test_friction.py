@@ -137,7 +137,7 @@ def test_runs_in_one_direction_determine_their_friction() -> None:
     forward = [run_of(longest_forward(run), f"{k}.csv") for k, run in enumerate(runs.training)]
     fit = fit_declared(campaign_of(forward, []).training, "zoh")
     scales = scales_of(fit)
-    candidate = CoulombFriction.candidates(scales)[0]
+    (candidate,) = CoulombFriction.candidates(scales)
 
     for direction, least, most in ((1, 0.0, 0.02), (0, 0.1, 0.3)):
         term = CoulombFriction(scales.torque, 1e-3 * scales.speed, direction=direction)

@@ -237,7 +237,7 @@ def test_constant_torque_of_one_direction_is_friction_or_load(
         direction=direction,
     )
     fit = fit_declared(records_of_bench(hidden).training, "zoh")
-    candidate = CoulombFriction.candidates(scales_of(fit))[0]
+    (candidate,) = CoulombFriction.candidates(scales_of(fit))
     start = Start(candidate.starts[:, 0])
     fit = refitted_with(fit, candidate.term, [start])
     found = confounded_warnings(fit, effective_fraction(fit), ())

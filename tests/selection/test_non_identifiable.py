@@ -156,7 +156,7 @@ def with_friction(curve: EffectRequest, along: str, carrier: str) -> tuple[Fit, 
     measured = make_campaign("servo_150w", hidden, seed=31, rows=1200, training=4, validation=1)
     declared = fit_declared(records_of_bench(measured).training, "zoh")
     closed = with_curve(declared, along, carrier, "mechanical")
-    candidate = CoulombFriction.candidates(scales_of(closed))[0]
+    (candidate,) = CoulombFriction.candidates(scales_of(closed))
     start = candidate.starts[:, 0]
     found = refined(refitted_with(closed, candidate.term, [Start(start)]))
     torque = measured.truth["effects"][1]["values"]["torque"]

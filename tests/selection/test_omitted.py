@@ -40,7 +40,7 @@ KINDS = (CoulombFriction, BrushDrop)
 
 def detectable_terms(fit: Fit) -> tuple[OmittedTerm, ...]:
     """The two effect types whose predicted gain exceeds chance."""
-    candidates = [kind.candidates(scales_of(fit))[0] for kind in KINDS]
+    candidates = [c for kind in KINDS for c in kind.candidates(scales_of(fit))]
     tried = sum(candidate.prototypes for candidate in candidates)
     return omitted_terms(fit, effective_fraction(fit), screened(fit, candidates), tried)
 
@@ -196,7 +196,7 @@ def test_a_step_beyond_the_priors_is_reduced_for_all_parameters_together(
     A thousandfold change per amplitude is no change of a linear model; its direction remains.
     """
     fit, _ = rubbing
-    (score, *_) = screened(fit, CoulombFriction.candidates(scales_of(fit))[:1])
+    (score, *_) = screened(fit, CoulombFriction.candidates(scales_of(fit)))
     assert score.along is not None
     far = replace(score, along=Along(1e3 * score.along.position, score.along.states))
 
@@ -244,7 +244,7 @@ def test_removal_of_a_friction_returns_what_viscous_friction_absorbs(
 ) -> None:
     """The change of b is that between two fits; a warning names it if the effect is improbable."""
     fit, _ = rubbing
-    (score, *_) = screened(fit, CoulombFriction.candidates(scales_of(fit))[:1])
+    (score, *_) = screened(fit, CoulombFriction.candidates(scales_of(fit)))
     whole = refitted_with(fit, score.candidate.final, score.starts)
 
     removal = removal_steps(whole, refitted_without(whole, "coulomb_friction"))

@@ -81,7 +81,7 @@ def _campaign(friction: float, sign: float) -> Campaign:
 def _fitted(friction: float, sign: float) -> Fit:
     """Fit of the nominal model with Coulomb friction; arguments as of `_campaign`."""
     declared = fit_declared(_campaign(friction, sign).training, "zoh")
-    candidate = CoulombFriction.candidates(scales_of(declared))[0]
+    (candidate,) = CoulombFriction.candidates(scales_of(declared))
     start = Start(candidate.starts[:, 0])
     return refined(refitted_with(declared, candidate.term, [start], TerminationLimits(40)))
 

@@ -84,7 +84,7 @@ def test_friction_that_creeps_before_it_slides_is_told_from_a_sharp_one(
     campaign = records_of_bench(measured)
     trials = Trials(campaign)
     declared = trials.evaluate(fit_declared(campaign.training, "zoh"))
-    scores = [s for s in trials.scores(declared) if s.structure == ("coulomb_friction", "")]
+    scores = [s for s in trials.scores(declared) if s.candidate.term.name == "coulomb_friction"]
     (model,) = trials.finish_best(declared, trials.refits(declared, scores))
     state = State(trials, declared, model)
 
