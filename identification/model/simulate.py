@@ -130,8 +130,7 @@ class Simulator:
         their weight.
         """
         states = [initial_states(model, record) for record in records]
-        lanes = values.reshape(values.shape[0], -1).T
-        stiffest = max(stiffness(model, records, lane, states) for lane in lanes)
+        stiffest = stiffness(model, records, values, states)
         known = tuple(record.within(model.edges) for record in records)
         plan = plan_for(_MARGIN * stiffest, linear=not model.terms)
         return Simulator(model, known, plan, substeps)

@@ -93,22 +93,30 @@ def stiffness(
 
     The sample interval h is the longest of each record.  If the shaft stops, the radius is
     evaluated at rest as well: friction is stiffest there, but the noise of the speed hides it.  The
-    values are (n_parameter,) physical; the states of terms keep their values in `states`,
-    (n_state,) each.
+    values are (n_parameter,) or (n_parameter, n_lane) physical; the states of terms keep their
+    values in `states`, (n_state,) each.
     """
-    largest = 0.0
+    points, inputs, intervals = [], [], []
     for record, state in zip(records, states, strict=True):
         rows = np.linspace(0, record.rows - 1, min(_SAMPLED, record.rows)).astype(int)
-        points = np.repeat(state[None], rows.size, axis=0)
-        points[:, :2] = record.measured[rows]
+        along = np.repeat(state[None], rows.size, axis=0)
+        along[:, :2] = record.measured[rows]
         if np.ptp(np.sign(record.measured[:, 1])) > 0.0:
-            still = points.copy()
+            still = along.copy()
             still[:, 1] = 0.0
-            points, rows = np.vstack([points, still]), np.tile(rows, 2)
-        repeated = np.repeat(values[None], rows.size, axis=0)
-        radius = spectral_radius(model, points, record.inputs[rows], repeated)
-        largest = max(largest, radius * record.interval)
-    return largest
+            along, rows = np.vstack([along, still]), np.tile(rows, 2)
+        points.append(along)
+        inputs.append(record.inputs[rows])
+        intervals.append(np.full(rows.size, record.interval))
+    interval, lanes = np.concatenate(intervals), values.reshape(values.shape[0], -1).T
+    count = len(lanes)
+    radii = _spectral_radii(
+        model,
+        np.tile(np.concatenate(points), (count, 1)),
+        np.tile(np.concatenate(inputs), (count, 1)),
+        np.repeat(lanes, interval.size, axis=0),
+    )
+    return float(np.max(radii * np.tile(interval, count), initial=0.0))
 
 
 def spectral_radius(model: MotorModel, states: Array, inputs: Array, values: Array) -> float:
@@ -117,11 +125,18 @@ def spectral_radius(model: MotorModel, states: Array, inputs: Array, values: Arr
     The states are (n_point, n_state), the inputs (n_point, n_input), the physical values (n_point,
     n_parameter).
     """
+    return float(_spectral_radii(model, states, inputs, values).max(initial=0.0))
+
+
+def _spectral_radii(model: MotorModel, states: Array, inputs: Array, values: Array) -> Array:
+    """Spectral radius at each point, (n_point,); 0 where df/dx is not finite [1/s]."""
     size = states.shape[1]
     found = values_at(_jacobian(model), states, inputs, values)
     stack = found.reshape(-1, size, size).transpose(0, 2, 1)
-    stack = stack[np.isfinite(stack).all(axis=(1, 2))]
-    return float(np.abs(np.linalg.eigvals(stack)).max(initial=0.0))
+    radii = np.zeros(len(stack))
+    finite = np.isfinite(stack).all(axis=(1, 2))
+    radii[finite] = np.abs(np.linalg.eigvals(stack[finite])).max(axis=1)
+    return radii
 
 
 @lru_cache

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -25,7 +26,7 @@ from identification.model.excitation import Record
 from identification.selection.start import Along
 from identification.work import TOUCH, charge
 
-__all__ = ["Projection", "Residual", "gains_of"]
+__all__ = ["Projection", "Residual", "gains_of", "group_products"]
 
 _PASSES: Final = 6.0
 """Memory passes of a product over each deviation, for the operation count."""
@@ -58,6 +59,13 @@ class Projection:
         gains, weights = gains_of(self.products[None], self.onto_residual[None])
         return float(gains[0]), weights[0]
 
+    def group_gains(self, size: int) -> tuple[Array, Array]:
+        """Gain of each group of `size` consecutive lanes, (n_group,), and its optimal amplitudes.
+
+        The amplitudes are (n_group, size); see `gains_of`.
+        """
+        return gains_of(group_products(self.products, size), self.onto_residual.reshape(-1, size))
+
     def conditional_gains(self, chosen: Sequence[int]) -> Array:
         """(n_lane,) gain of each lane, at its amplitude given the sum of the `chosen` lanes.
 
@@ -79,6 +87,13 @@ class Projection:
     def covariance(self) -> Array:
         """(n_lane, n_lane) covariance of the amplitudes."""
         return np.asarray(np.linalg.pinv(self.products, rcond=_COLLINEAR, hermitian=True))
+
+
+def group_products(products: Array, size: int) -> Array:
+    """Blocks (n_group, size, size) on the diagonal of products (n_lane, n_lane)."""
+    groups = products.shape[0] // size
+    own = np.arange(groups)
+    return products.reshape(groups, size, groups, size)[own, :, own, :]
 
 
 def gains_of(squares: Array, rights: Array) -> tuple[Array, Array]:
@@ -104,6 +119,20 @@ def gains_of(squares: Array, rights: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
+class _Compared:
+    """Whitened residual and sensitivities of the compared samples of a record, for each channel."""
+
+    weights: Array
+    """(2, n_compared) sample weights over the variance of the noise [1/A^2, s^2/rad^2]."""
+    residual: Array
+    """(2, n_compared) measured minus fitted [A, rad/s]."""
+    tangents: tuple[Array, Array]
+    """(n_compared, n_direction) each."""
+    asked: Array
+    """(n_direction,) gradient of the compared samples minus that of all samples."""
+
+
+@dataclass(frozen=True)
 class Residual:
     """Residual of a fit, with which deviations are compared."""
 
@@ -123,6 +152,45 @@ class Residual:
         pairs = zip(records, fit.equations.logged, strict=True)
         return cls(fit, tuple(record.measured - logged for record, logged in pairs), stride)
 
+    @cached_property
+    def _compared(self) -> list[_Compared]:
+        """For each record what every deviation is multiplied with."""
+        weighting, stride = self.fit.weighting, self.stride
+        found = []
+        blocks = self.fit.equations.derivatives.blocks(0)
+        for residual, block in zip(self.series, blocks, strict=True):
+            tangents = (
+                weighting.whitened(block.tangent[::stride, 0, :], 0),
+                weighting.whitened(block.tangent[::stride, 1, :], 1),
+            )
+            white = weighting.both_whitened(residual[::stride]).T
+            scale = stride / weighting.deviation[:, None] ** 2
+            weights = scale * weighting.sample_weights(block.record)[::stride].T
+            asked = -gradient_of(residual, block.tangent, weighting, block.record)
+            for tangent, weight, own in zip(tangents, weights, white, strict=True):
+                asked += tangent.T @ (weight * own)
+            found.append(_Compared(weights, white, tangents, asked))
+        return found
+
+    def products(self, k: int, deviation: Array) -> tuple[Array, Array, Array]:
+        """Products of deviations of record `k`, (n_compared, 2, n_lane), before the projection.
+
+        Returns:
+            d' W d (n_lane, n_lane), d' W r (n_lane,), and the products with the sensitivities
+            (n_direction, n_lane).
+        """
+        charge(_PASSES * TOUCH * deviation.size)
+        compared, lanes = self._compared[k], deviation.shape[2]
+        square, right = np.zeros((lanes, lanes)), np.zeros(lanes)
+        crossed = np.zeros((compared.asked.size, lanes))
+        for channel in range(2):
+            white = self.fit.weighting.whitened(deviation[:, channel, :], channel)
+            scaled = white * compared.weights[channel, :, None]
+            square += white.T @ scaled
+            right += scaled.T @ compared.residual[channel]
+            crossed += compared.tangents[channel].T @ scaled
+        return square, right, crossed
+
     def project(self, deviations: Iterable[Array], lanes: int) -> Projection:
         """Project deviations, (n_compared, 2, n_lane) for each record.
 
@@ -130,41 +198,25 @@ class Residual:
         achieve by themselves.  This gain is subtracted.  The same holds if the compared samples
         have another optimum than all samples.
         """
-        equations, weighting, stride = self.fit.equations, self.fit.weighting, self.stride
-        n = self.fit.position.size
+        equations, n = self.fit.equations, self.fit.position.size
         gradient = equations.gradient.copy()
         right = np.zeros(lanes)
         square = np.zeros((lanes, lanes))
         crossed = np.zeros((n, lanes))
         moved = []
-        blocks = zip(deviations, self.series, equations.derivatives.blocks(0), strict=True)
-        for deviation, residual, block in blocks:
-            k = block.record
-            charge(_PASSES * TOUCH * deviation.size)
+        for k, (deviation, compared) in enumerate(zip(deviations, self._compared, strict=True)):
             bad = np.asarray(~np.isfinite(deviation).all(axis=(0, 1)))
             safe = np.where(bad[None, None, :], 0.0, deviation)
-            both = np.zeros((n + self.fit.simulator.n_state, lanes))
-            asked = np.zeros(n + self.fit.simulator.n_state)
-            for channel in range(2):
-                weight = stride * weighting.sample_weights(k)[::stride, channel, None]
-                white = weighting.whitened(safe[:, channel, :], channel)
-                scaled = white * (weight / weighting.deviation[channel] ** 2)
-                square += white.T @ scaled
-                white_residual = weighting.whitened(residual[::stride, channel], channel)
-                right += scaled.T @ white_residual
-                tangent = weighting.whitened(block.tangent[::stride, channel, :], channel)
-                both += tangent.T @ scaled
-                asked += tangent.T @ (
-                    white_residual * weight[:, 0] / weighting.deviation[channel] ** 2
-                )
-            asked -= gradient_of(residual, block.tangent, weighting, k)
-            solved = solution(equations.state_matrices[k], both[n:])
-            square -= both[n:].T @ solved
-            right -= solved.T @ (equations.state_gradients[k] + asked[n:])
-            own = solution(equations.state_matrices[k], asked[n:])
-            gradient += asked[:n] - equations.couplings[k].T @ own
+            own_square, own_right, both = self.products(k, safe)
+            asked, matrix, coupling = (
+                compared.asked, equations.state_matrices[k], equations.couplings[k]
+            )  # fmt: skip
+            solved = solution(matrix, both[n:])
+            square += own_square - both[n:].T @ solved
+            right += own_right - solved.T @ (equations.state_gradients[k] + asked[n:])
+            gradient += asked[:n] - coupling.T @ solution(matrix, asked[n:])
             moved.append(solved)
-            crossed += both[:n] - equations.couplings[k].T @ solved
+            crossed += both[:n] - coupling.T @ solved
             right[bad] = np.nan
         size = np.sqrt(np.diag(equations.matrix))
         scaled_matrix = equations.matrix / np.outer(size, size)

@@ -17,7 +17,6 @@ import numpy as np
 
 from identification.arrays import Array
 from identification.effects.effect import AbstractForced, Candidate
-from identification.fit.derivatives import gradient_of
 from identification.fit.order_tracking import block_edges, block_products
 from identification.fit.solve import Fit
 from identification.model.excitation import squares_of
@@ -26,7 +25,7 @@ from identification.model.scan import Effort
 from identification.model.simulate import initial_states
 from identification.selection.forcing import responses, trajectory
 from identification.selection.policy import DEFAULT, SelectionPolicy
-from identification.selection.projection import Projection, Residual, gains_of
+from identification.selection.projection import Projection, Residual, gains_of, group_products
 from identification.selection.score import Score, recurring, sized
 
 __all__ = ["screened"]
@@ -222,11 +221,13 @@ def _score_of_each_record(
 
 def _scores_from(candidate: Candidate, projection: Projection) -> list[Score]:
     """Scores of starts with amplitudes common to all records."""
-    scores = []
-    for first in range(0, candidate.lanes, candidate.joint):
-        joint = projection.of(slice(first, first + candidate.joint))
-        gain, weights = joint.gain()
+    size, scores = candidate.joint, []
+    gains, amplitudes = projection.group_gains(size)
+    for first, gain, weights in zip(
+        range(0, candidate.lanes, size), gains.tolist(), amplitudes, strict=True
+    ):
         if np.isfinite(gain):
+            joint = projection.of(slice(first, first + size))
             start, taken = sized(candidate, first, weights)
             score = Score(candidate, start, gain, joint.covariance(), (), joint.along.by(taken))
             is_single = weights.size == 1 and taken[0] != 0.0
@@ -268,23 +269,17 @@ def _scores_by_record(
 ) -> list[Score]:
     """Scores of starts with free amplitudes per record; parameters and states are held."""
     group, count = candidate.joint, len(candidate.final.parameters)
-    weighting = residual.fit.weighting
+    found = []
+    for k, deviation in enumerate(deviations):
+        square, right, _ = residual.products(k, deviation[:: residual.stride])
+        found.append(gains_of(group_products(square, group), right.reshape(-1, group)))
     scores = []
-    for first in range(0, candidate.lanes, group):
-        span = slice(first, first + group)
-        total, own = 0.0, []
-        for k, (deviation, series) in enumerate(zip(deviations, residual.series, strict=True)):
-            part = deviation[:, :, span]
-            right = gradient_of(series, part, weighting, k)
-            square = np.column_stack(
-                [gradient_of(part[:, :, j], part, weighting, k) for j in range(group)]
-            )
-            gains, weights = gains_of(square[None], right[None])
-            total += float(gains[0])
-            own.append(candidate.starts[count:, span] @ weights[0])
+    for number, total in enumerate(np.sum([gains for gains, _ in found], axis=0)):
         if np.isfinite(total):
-            start = candidate.starts[:count, first].copy()
-            scores.append(Score(candidate, start, total, None, tuple(own)))
+            span = slice(number * group, (number + 1) * group)
+            own = tuple(candidate.starts[count:, span] @ weights[number] for _, weights in found)
+            start = candidate.starts[:count, span.start].copy()
+            scores.append(Score(candidate, start, float(total), None, own))
     return scores
 
 
