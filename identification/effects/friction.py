@@ -20,9 +20,16 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["CoulombFriction", "QuadraticDrag", "StribeckFriction", "ViscousTemperature"]
+__all__ = [
+    "SHARPER",
+    "SIGN_WIDTH",
+    "CoulombFriction",
+    "QuadraticDrag",
+    "StribeckFriction",
+    "ViscousTemperature",
+]
 
-_WIDTH = 1e-3
+SIGN_WIDTH: Final = 1e-3
 """Width of the smoothed sign over the speed scale.  The smoothing loses about 0.1 % of the friction
 work, less than the standard deviation of a torque estimated from 10,000 samples."""
 
@@ -31,7 +38,7 @@ _FASTEST: Final = 100.0
 """Creep speed over the width of the smoothed sign: a slower one is not distinguishable from the
 smoothing, and a faster one, a tenth of the speed scale, not from viscous friction."""
 
-_SHARPER: Final = 0.1
+SHARPER: Final = 0.1
 """Ratio of the widths of a sharper sign and of this one."""
 
 _SPREAD: Final = 0.05
@@ -118,13 +125,13 @@ class CoulombFriction(_Friction, AbstractExcess):
     @property
     def sharper(self) -> CoulombFriction:
         """The term with a ten times narrower sign; unchanged if the width is estimated."""
-        return self if self.creeps else replace(self, width=_SHARPER * self.width)
+        return self if self.creeps else replace(self, width=SHARPER * self.width)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         term = cls(
             scales.torque,
-            _WIDTH * scales.speed,
+            SIGN_WIDTH * scales.speed,
             direction=scales.direction(1),
             several=len(scales.runs) > 1,
         )
@@ -176,11 +183,11 @@ class StribeckFriction(_Friction):
     @property
     def sharper(self) -> StribeckFriction:
         """The term with a ten times narrower sign."""
-        return replace(self, width=_SHARPER * self.width)
+        return replace(self, width=SHARPER * self.width)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        term = cls(scales.torque, scales.speed, _WIDTH * scales.speed)
+        term = cls(scales.torque, scales.speed, SIGN_WIDTH * scales.speed)
         starts = [(0.05 * scales.torque, f * scales.speed, 1.0) for f in (0.03, 0.1, 0.3)]
         return [Candidate(term, columns(*starts))]
 

@@ -13,6 +13,7 @@ from typing import ClassVar, Final
 import casadi as ca
 
 from identification.effects.effect import EACH_RUN, AbstractEffect, CampaignScales, Candidate
+from identification.effects.friction import SHARPER, SIGN_WIDTH
 from identification.effects.parameters import amplitude, columns
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTorque, Expression, Signals, State, Values
@@ -21,10 +22,6 @@ __all__ = ["DryFrictionOfRuns", "ViscousFrictionOfRuns"]
 
 _SIZE: Final = 0.05
 """First guess of the friction at the RMS speed, over the torque scale."""
-_WIDTH: Final = 1e-3
-"""Width of the smoothed sign of the speed, over the RMS speed."""
-_SHARPER: Final = 0.1
-"""Ratio of the widths of a sharper sign and of this one."""
 
 
 class _FrictionOfRuns(AbstractEffect, AbstractTorque):
@@ -138,7 +135,7 @@ class DryFrictionOfRuns(_FrictionOfRuns):
     @property
     def sharper(self) -> DryFrictionOfRuns:
         """The term with a ten times narrower sign."""
-        return replace(self, width=_SHARPER * self.width)
+        return replace(self, width=SHARPER * self.width)
 
     def along(self, signals: Signals) -> Expression:
         return signals.speed / ca.sqrt(signals.speed * signals.speed + self.width * self.width)
@@ -146,7 +143,7 @@ class DryFrictionOfRuns(_FrictionOfRuns):
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
         """One candidate if there are several runs."""
-        size, width = _SIZE * scales.torque, _WIDTH * scales.speed
+        size, width = _SIZE * scales.torque, SIGN_WIDTH * scales.speed
         found = [Candidate(_ScoredDry(size, width), columns((size,)), fitted=cls(size, width))]
         return found if len(scales.runs) > 1 else []
 
