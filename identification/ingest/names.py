@@ -46,8 +46,8 @@ _NAME_LISTS = {
     "time": "time, t, timestamp, time stamp, elapsed time, relative time, time relative, tout, "
     "x axis, date time, zeit, uhrzeit, zeitstempel, temps, tempo, tiempo",
     "voltage": "voltage, v, u, vm, um, va, ua, vmot, umot, spannung, tensão, tensao, tensión, "
-    "tensione",
-    "current": "current, i, im, ia, imot, strom, courant, corrente, corriente",
+    "tensione, voltaje, voltagem",
+    "current": "current, curr, i, im, ia, imot, strom, courant, corrente, corriente",
     "speed": "speed, velocity, vel, omega, ω, w, n, angular velocity, angular speed, "
     "rotational speed, rpm, drehzahl, winkelgeschwindigkeit, drehgeschwindigkeit, vitesse, "
     "vitesse angulaire, velocidade, velocidade angular, velocidad, velocidad angular, velocità",

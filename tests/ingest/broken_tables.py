@@ -199,11 +199,11 @@ BROKEN_TABLES = (
         "most lines have a single number: export the time",
     ),
     Refusal(
-        "a header in each segment",
+        "the same segment twice",
         REPEATED_LVM.encode(),
         errors.UnsupportedContent,
-        "a second header within the samples, at 'X_Columns'; let the device write one header",
-        row=67,
+        "a segment begins 0 s after the first one, which is before the end of the one above it",
+        row=81,
     ),
     Refusal(
         "values with labels",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 
 from tests.ingest.writers import RECORD, Specimen, rows
 
@@ -69,6 +70,39 @@ def lvm(columns: str, **changes: str) -> str:
     return text(lines, samples, "\t")
 
 
+def segments(columns: str, *, restarting: bool) -> str:
+    """Imitate a file of LabVIEW with a header above every tenth sample.
+
+    The times of a segment go on, or start again while the clock in its header goes on.
+    """
+    whole = lvm(columns).split("\r\n")
+    above = next(k for k, line in enumerate(whole) if line.startswith("Channels"))
+    end = next(k for k, line in enumerate(whole) if line.startswith("X_Value")) + 1
+    title, header, samples = whole[:above], whole[above:end], whole[end:-1]
+    found = list(title)
+    for first in range(0, len(samples), 10):
+        start = f"{0.001 * first:.3f}"
+        for line in header:
+            key = line.split("\t")[0]
+            if key == "Samples":
+                moment = datetime(2026, 3, 1, 7, 59, 59, 990_000, UTC)
+                moment += timedelta(milliseconds=first * restarting)
+                found.append("\t".join(["Date", *[f"{moment:%Y/%m/%d}"] * 4]))
+                found.append("\t".join(["Time", *[f"{moment:%H:%M:%S.%f}"] * 4]))
+                found.append("\t".join([key, *["10"] * 4]))
+            elif key == "X0" and not restarting:
+                found.append("\t".join([key, *[start] * 4]))
+            else:
+                found.append(line)
+        for line in samples[first : first + 10]:
+            time, *rest = line.split("\t")
+            if time and restarting:
+                time = f"{float(time) - 0.001 * first:.3f}"
+            found.append("\t".join([time, *rest, *(["start"] if line == samples[first] else [])]))
+        found.append("")
+    return "\r\n".join([*found, ""])
+
+
 def device(name: str, title: str, content: str, **options: object) -> Specimen:
     """Describe an imitated file."""
     mapping = options.get("mapping")
@@ -121,6 +155,23 @@ DEVICES = (
     device("one.lvm", "LabVIEW, one column of times", lvm("One")),
     device("no.lvm", "LabVIEW, no column of times", lvm("No"), implied=True),
     device("multi.lvm", "LabVIEW, a column of times for each channel", lvm("Multi")),
+    device(
+        "segments.lvm",
+        "LabVIEW, a header in each segment, with comments",
+        segments("One", restarting=False),
+    ),
+    device(
+        "untimed.lvm",
+        "LabVIEW, a header in each segment, no column of times",
+        segments("No", restarting=False),
+        implied=True,
+    ),
+    device(
+        "moments.lvm",
+        "LabVIEW, times of each segment from its own start",
+        segments("One", restarting=True),
+        implied=True,
+    ),
     device(
         "yokogawa.csv",
         "Yokogawa",

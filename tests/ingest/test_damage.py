@@ -67,6 +67,31 @@ def test_table_with_fewer_samples_than_its_device_states_is_read_with_a_warning(
     assert f"{40 - lost} samples, and the header states 40" in warning.message
 
 
+def test_unused_channels_of_labview_may_have_any_clock(tmp_path: Path) -> None:
+    """A channel without samples has an interval of 1 s and blank cells."""
+    unused = {"Samples": "0", "Delta_X": "1.000000", "X_Value": "Untitled", "Y_Unit_Label": ""}
+    lines = []
+    for line in lvm("One").replace("Channels\t4", "Channels\t5").split("\r\n"):
+        key, *cells = line.split("\t")
+        is_sample = len(cells) == 4 and key[0].isdigit()
+        if key in unused or is_sample:
+            cells.insert(1, unused.get(key, ""))
+        lines.append("\t".join([key, *cells]))
+    path = tmp_path / "run.lvm"
+    path.write_text("\n".join(lines))
+
+    assert read_run(path).rows == 40
+
+
+def test_segments_of_labview_with_other_channels_are_not_joined(tmp_path: Path) -> None:
+    """The message names the columns of both."""
+    path = tmp_path / "run.lvm"
+    path.write_text(lvm("One") + lvm("One").replace("Current", "Torque"))
+
+    with pytest.raises(errors.UnsupportedContent, match="'Torque'.*and the first one has.*'Curr"):
+        read_run(path)
+
+
 def test_column_named_samples_is_no_count(tmp_path: Path) -> None:
     """The first cell of the header row is a name here, and its neighbour is not a number."""
     path = tmp_path / "run.csv"

@@ -237,8 +237,11 @@ class Preamble:
 
     def _refuse_different_clocks(self) -> None:
         """Reject channels with different starts or intervals in one table."""
+        counts = self.lines.get(_COUNT[0], [])
         for key in (*_START[:1], *_STEP[:1]):
-            values = {cell for cell in self.lines.get(key, [])[1:] if cell}
+            cells = enumerate(self.lines.get(key, []))
+            # A channel of LabVIEW without samples has any clock.
+            values = {cell for k, cell in cells if k and cell and counts[k : k + 1] != ["0"]}
             if len(values) > 1:
                 raise UnsupportedContent(
                     f"the channels have different clocks ({key} {listed(sorted(values), 6)}); "

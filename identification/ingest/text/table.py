@@ -19,6 +19,7 @@ from identification.ingest.text.blocks import Block, Splitter, plain_lines
 from identification.ingest.text.cells import is_time_of_day
 from identification.ingest.text.dialect import Layout, detect_layout
 from identification.ingest.text.interval import interval_warning
+from identification.ingest.text.labview import as_one_table
 from identification.ingest.text.long import cut_line, is_long, read_long
 from identification.ingest.text.samples import SampleReader
 from identification.ingest.text.stacked import is_stacked, stacked_table
@@ -52,7 +53,7 @@ def open_text(chunks: Iterator[bytes], limits: Limits, file: str) -> SourceTable
     Raises:
         RunFileError: The text holds no table.
     """
-    blocks = plain_lines(Splitter(limits).split(chunks))
+    blocks = as_one_table(plain_lines(Splitter(limits).split(chunks)))
     first = next(blocks)
     for is_of_kind, table in ((is_long, read_long), (is_stacked, stacked_table)):
         if is_of_kind(first):
