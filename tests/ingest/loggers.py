@@ -247,9 +247,22 @@ LOGGERS = (
         text((",".join(["Time", *_ALL]),), _wide([f"{row[0]} sec" for row in rows()])),
     ),
     device(
+        "tagged.csv",
+        "the name of the device in front of each line, as a database of time series exports it",
+        text((",".join(["name", "Time [s]", *_ALL]),), [["motor", *row] for row in rows()]),
+    ),
+    device(
         "units.csv",
         "a unit behind each number",
         with_affixes("{value} {unit}", ",", ("Time,Voltage,Current,Speed,Temperature",)),
+    ),
+    device(
+        "turns.csv",
+        "a unit that begins with a number",
+        with_affixes("{value} {unit}", ";", ("Zeit;Spannung;Strom;Drehzahl;Temperatur",)).replace(
+            "rad/s", "1/min"
+        ),
+        mapping={"speed_rad_s": {"column": "Drehzahl", "unit": "rad/s"}},
     ),
     device(
         "plotter.txt",

@@ -1,13 +1,13 @@
 """Dialect detection for text tables: delimiter, header rows and first sample line.
 
-The samples determine the dialect.  A line counts as a sample if its first cell is blank, a number
-or a clock time and at least two and more than half of its filled cells are numbers.  Each candidate
-delimiter is scored by the summed fraction of numeric cells over the sample lines with the most
-frequent number of cells; the highest score wins.  Numbers with labels or units (`bare`) count where
-hardly any line has plain ones.  The header rows are the lines directly above the
-first sample with the same number of cells; title lines of an oscilloscope or a logger above them
-are skipped.  Below the first line of names no line is skipped: a line that contains numbers between
-names and samples is a damaged sample and raises an error.
+The samples determine the dialect.  A line counts as a sample if its first cell is blank, a number,
+a clock time or the text in front of most lines, and at least two and more than half of its filled
+cells are numbers.  Each candidate delimiter is scored by the summed fraction of numeric cells over
+the sample lines with the most frequent number of cells; the highest score wins.  Numbers with
+labels or units (`bare`) count where hardly any line has plain ones.  The header rows are the lines
+directly above the first sample with the same number of cells; title lines of an oscilloscope or a
+logger above them are skipped.  Below the first line of names no line is skipped: a line that
+contains numbers between names and samples is a damaged sample and raises an error.
 """
 
 from __future__ import annotations
@@ -245,7 +245,8 @@ def _best_delimiter(
             split_cells(line.text, delimiter) if _is_divided(line.text, delimiter) else []
             for line in lines
         ]
-        shares = [_share_of_numbers(cells, is_value) for cells in rows]
+        label = _label(rows)
+        shares = [_share_of_numbers(cells, is_value, label) for cells in rows]
         counts = Counter(len(cells) for cells, share in zip(rows, shares, strict=True) if share)
         if not counts:
             continue
@@ -271,10 +272,21 @@ def _is_divided(text: str, delimiter: str) -> bool:
     return delimiter in text if delimiter != " " else '"' in text or len(text.split(None, 1)) > 1
 
 
-def _share_of_numbers(cells: list[str], is_value: Callable[[str], bool]) -> float:
-    """Fraction of the filled cells that are numbers; 0 if the line is not a sample."""
+def _label(rows: list[list[str]]) -> str:
+    """Text in front of most lines, such as the name of a device; blank if there is none."""
+    firsts = Counter(cells[0] for cells in rows if len(cells) > 1)
+    text, count = firsts.most_common(1)[0] if firsts else ("", 0)
+    return text if 2 * count > len(rows) and not is_number(text) else ""
+
+
+def _share_of_numbers(cells: list[str], is_value: Callable[[str], bool], label: str) -> float:
+    """Fraction of the filled cells that are numbers; 0 if the line is not a sample.
+
+    The first cell may hold the label of all lines.
+    """
     if len(cells) < 2:
         return 0.0
+    cells = ["", *cells[1:]] if label and cells[0] == label else cells
     filled = [cell for k, cell in enumerate(cells) if cell and (k == 0 or not is_time_of_day(cell))]
     numbers = [cell for cell in filled if is_value(cell) or is_number_word(cell)]
     begins = not any(cells[:1]) or cells[0] in numbers or is_clock(cells[0])
