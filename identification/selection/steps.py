@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -113,15 +113,12 @@ def accept(
     models = trials.finish_best(current, fits)
     finished = len(models)
     order = ranked(models, trials.policy)
-    passing = [k for k in order if trials.criteria(models[k], current).passed]
-    # Rank the passing models again, because ties are counted from the best model of the set.
-    chosen = passing[ranked([models[k] for k in passing], trials.policy)[0]] if passing else None
+    chosen = _best_passing(state, models, order)
     if chosen is None:
         # Skipped candidates and fits behind the best count only if the best have failed.
         fits += trials.refits(current, _without_fit(wanted, fits), abandon_cost)
         models += [trials.evaluate(fit, current.fraction) for _, fit in fits[finished:]]
-        others = range(finished, len(fits))
-        chosen = next((k for k in others if trials.criteria(models[k], current).passed), None)
+        chosen = _best_passing(state, models, range(finished, len(fits)))
     else:
         models += [EvaluatedModel(fit, current.fraction) for _, fit in fits[finished:]]
     for k in [*order, *range(finished, len(fits))]:
@@ -130,6 +127,15 @@ def accept(
     for score in _without_fit(wanted, fits):
         state.note(score, round_, None, chosen=False)
     return None if chosen is None else models[chosen]
+
+
+def _best_passing(
+    state: State, models: Sequence[EvaluatedModel], among: Iterable[int]
+) -> int | None:
+    """Index of the best of the models that meet the criteria, or None; ties count among them."""
+    trials = state.trials
+    passing = [k for k in among if trials.criteria(models[k], state.current).passed]
+    return passing[ranked([models[k] for k in passing], trials.policy)[0]] if passing else None
 
 
 def _without_fit(wanted: Sequence[Score], fits: Sequence[tuple[Score, object]]) -> list[Score]:

@@ -17,7 +17,14 @@ from identification.selection.candidates import with_predicted_gain
 from identification.selection.evidence import EvaluatedModel, is_better
 from identification.selection.refit import refitted_with
 from identification.selection.start import Start
-from identification.selection.steps import State, admissible, enrich, rivals_of, settled
+from identification.selection.steps import (
+    State,
+    accept,
+    admissible,
+    enrich,
+    rivals_of,
+    settled,
+)
 from identification.selection.trials import Trials
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
@@ -51,6 +58,22 @@ def test_model_of_a_round_costs_little_and_the_final_one_is_the_same() -> None:
     assert cost_of_capped < 0.7 * cost_of_free
     assert capped.fit.cost >= free.fit.cost
     assert final.cost == pytest.approx(free.fit.cost, rel=1e-3)
+
+
+def test_behind_failed_candidates_the_best_of_those_that_pass_is_accepted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The friction that the motor has, not another one whose refit comes before it."""
+    trials, declared, best = frictions()
+    wanted = [best["stribeck_friction"], best["coulomb_friction"]]
+    fits = [(score, extended(trials, declared, score.candidate.term.name).fit) for score in wanted]
+    monkeypatch.setattr(trials, "refits", lambda _, left, *__: fits if left else [])
+    monkeypatch.setattr(trials, "finish_best", lambda *_: [])
+
+    accepted = accept(State(trials, declared, declared), wanted)
+
+    assert accepted is not None
+    assert [term.name for term in accepted.fit.simulator.model.terms] == ["coulomb_friction"]
 
 
 def test_a_model_that_was_only_compared_is_finished_if_it_becomes_the_final_one() -> None:
