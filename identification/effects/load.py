@@ -57,6 +57,9 @@ class AbstractSecondInertia(AbstractEffect, AbstractTorque, AbstractCoefficient)
     Here s is the fraction of the inertia behind the joint, theta the twist and w_2 the speed of the
     second inertia.  J remains the total inertia, which determines slow motions.  The subclasses
     define the joint: an elastic shaft, or a contact with play.
+
+    If the inertia of a run is another one, both parts change in proportion, and the joint does not:
+    a is then smaller by the ratio of the inertias, and tau is the same.
     """
 
     coefficient = "J"
@@ -79,7 +82,8 @@ class AbstractSecondInertia(AbstractEffect, AbstractTorque, AbstractCoefficient)
 
     def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
         slip = signals.speed - states.speed
-        return [slip, self.pull(states.twist, slip, values)]
+        nominal = values.J * (1 - values.share)
+        return [slip, self.pull(states.twist, slip, values) * nominal / signals.inertia]
 
 
 def share_of_inertia(meaning: str) -> Parameter:
@@ -239,6 +243,8 @@ class InertiaChange(AbstractRunEffect, AbstractCoefficient):
     """Different inertia in one run or several runs, after a change of coupling or load.
 
     J -> J (1 + d)   in these runs                                      [kg m^2]
+
+    With a second inertia behind an elastic shaft, both change by this factor.
     """
 
     name = "inertia_change"

@@ -234,7 +234,8 @@ class MotorModel:
                 lost += term.voltage(signals, s, v)
         resistance = coefficient_at(values.Ra25, values.alpha_Ra, winding) * factor["Ra"]
         constant = coefficient_at(values.Kt25, values.alpha_Kt, magnet) * factor["Kt"]
-        signals = replace(signals, resistance=resistance)
+        inertia = values.J * factor["J"]
+        signals = replace(signals, resistance=resistance, inertia=inertia)
         current, speed = signals.current, signals.speed
         net = constant * current - values.b * factor["b"] * speed + torque
         torque += sum(
@@ -246,9 +247,7 @@ class MotorModel:
             current_rate(
                 voltage + lost, current, speed, resistance, constant, values.L * factor["L"]
             ),
-            speed_rate(
-                torque, current, speed, constant, values.b * factor["b"], values.J * factor["J"]
-            ),
+            speed_rate(torque, current, speed, constant, values.b * factor["b"], inertia),
         ]
         readings = {"current": current, "speed": speed}
         for term, s, v in parts:

@@ -119,9 +119,10 @@ class Signals:
     resistance: Expression = None
     """Armature resistance at this temperature, with the factors of all terms [ohm]; known to the
     rates of the terms' own states only."""
+    inertia: Expression = None
+    """Inertia of the rotor, with the factors of all terms [kg m^2]; known to the same rates."""
     turn: Expression = None
-    """Change of the angle over an integration step, for torques that are averages over it; None for
-    instantaneous ones [rad]."""
+    """Change of the angle over a step of the integration, if torques are averaged over it [rad]."""
     voltage_change: Expression = None
     """Change of the logged voltage until the next sample [V]."""
     interval: Expression = None

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
-from identification.effects.load import AbstractSecondInertia, ShaftCompliance
+from identification.effects.load import AbstractSecondInertia, InertiaChange, ShaftCompliance
 from identification.fit.declared import fit_declared
+from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import Signals, Values
 from identification.selection.search import search
 from identification.surrogates.laws import Backlash
@@ -26,7 +27,10 @@ SIGNALS = [field.name for field in fields(Signals)]
 def test_the_joint_neither_makes_nor_takes_momentum(term: AbstractSecondInertia) -> None:
     """The rotor loses the momentum that the second inertia gains: tau = -J_2 dw_2/dt."""
     for twist, slip in ((1e-3, 0.0), (0.0, 0.5), (-2e-3, 0.3)):
-        signals = Signals(**(dict.fromkeys(SIGNALS, 0.0) | {"speed": 100.0 + slip}))
+        rotor = VALUES.J * (1 - VALUES.share)
+        signals = Signals(
+            **(dict.fromkeys(SIGNALS, 0.0) | {"speed": 100.0 + slip, "inertia": rotor})
+        )
         states = Values(twist=twist, speed=100.0)
 
         sliding, pulled = (float(rate) for rate in term.rates(signals, states, VALUES))
@@ -35,6 +39,33 @@ def test_the_joint_neither_makes_nor_takes_momentum(term: AbstractSecondInertia)
         assert sliding == pytest.approx(slip)
         assert torque == pytest.approx(-VALUES.share * VALUES.J * pulled)
         assert float(term.factor(signals, states, VALUES)) + VALUES.share == 1.0
+
+
+def test_another_inertia_changes_both_sides_of_a_shaft_and_not_its_stiffness() -> None:
+    """The same run of a motor with the larger inertia and, at its stiffness, lower resonance.
+
+    The two agree to rounding.
+    """
+    change, run = 0.4, 2
+    values = {
+        "Ra25": 1.0, "alpha_Ra": 0.004, "Kt25": 0.05, "alpha_Kt": -0.001, "J": 2e-5, "b": 1e-5,
+        "L": 1e-3, "share": 0.3, "resonance": 400.0, "damping": 0.2, "hardening": 0.05,
+    }  # fmt: skip
+    slower = np.sqrt(1 + change)
+    heavy = values | {
+        "J": values["J"] * (1 + change),
+        "resonance": values["resonance"] / slower,
+        "damping": values["damping"] / slower,
+    }
+    inputs = dict.fromkeys(INPUTS, 0.0) | {"voltage": 12.0, "temperature": 25.0, "run": float(run)}
+    state = [3.0, 100.0, 2e-3, 90.0]
+
+    changed = MotorModel((SHAFT, InertiaChange(run))).rates(
+        state, [*inputs.values()], [*values.values(), change]
+    )
+    same = MotorModel((SHAFT,)).rates(state, [*inputs.values()], [*heavy.values()])
+
+    np.testing.assert_allclose(np.array(changed), np.array(same), rtol=1e-12)
 
 
 def test_a_part_with_hardly_any_play_moves_as_one_behind_a_springy_shaft() -> None:
