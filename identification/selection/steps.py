@@ -231,11 +231,12 @@ def admissible(
 ) -> list[EvaluatedModel]:
     """Rivals that meet the criteria against the simpler model.
 
-    A curve that ranks better than the current model, but may not replace it, is left out: it is the
-    effect itself.
+    A rival is no new effect: under a noise model, its size is judged by the simulation error as
+    well, as that of the accepted effect is.  A curve that ranks better than the current model, but
+    may not replace it, is left out: it is the effect itself.
     """
     trials, current = state.trials, state.current
-    passing = [rival for rival in rivals if trials.criteria(rival, simpler).passed]
+    passing = [rival for rival in rivals if trials.criteria(rival, simpler).is_kept]
     return [
         rival
         for rival in passing

@@ -17,7 +17,7 @@ from identification.selection.outcome import Outcome
 from identification.selection.policy import DEFAULT
 from identification.selection.search import search
 from identification.selection.simulation_error import unweighted_deviation
-from identification.selection.steps import State
+from identification.selection.steps import State, admissible
 from identification.selection.trials import Trials
 from tests.effects.hidden import records_of_bench
 from tests.selection.extended import extended
@@ -102,6 +102,8 @@ def test_a_slow_effect_in_coloured_noise_is_kept_for_its_simulation_error() -> N
     assert criteria.is_kept
     assert not criteria.passed
     assert trials.criteria(dragged, nominal).simulation == -np.inf
+    # In place of another effect, such as a current offset, the same drag is judged alike.
+    assert admissible(state, [state.current], state.nominal) == [state.current]
 
 
 def test_an_ordinary_fit_from_a_whitened_one_is_the_ordinary_fit() -> None:
