@@ -244,8 +244,7 @@ class AbstractForced(AbstractEffect):
     def forces(self, record: Record, current: Array, speed: Array, starts: Array) -> Array:
         """Torque [N m] or voltage [V] along a trajectory, (n_sample, n_start).
 
-        Current [A] and speed [rad/s] are (n_sample,), `starts` holds (n_parameter, n_start) values
-        of the parameters.
+        Current [A] and speed [rad/s] are (n_sample,), parameters `starts` (n_parameter, n_start).
         """
 
 
@@ -264,11 +263,12 @@ class Candidate:
     `term`, and the others become states, free in each record.  Such starts are scored with
     per-record amplitudes."""
     tried: Array | None = None
-    """(n_parameter, n_point) additional starting points of the refit, for terms whose score does
-    not show how good a starting point is."""
+    """(n_parameter, n_point) more starting points of the refit, which the score cannot rank."""
     traded: tuple[tuple[Array, dict[str, float]], ...] = ()
     """Additional starting points of the refit, each with factors on parameters that are already in
     the model: these parameters give back the effect that they had absorbed."""
+    each_run: Candidate | None = None
+    """The same starts with an amplitude that is free in each run, of a term that is `by_run`."""
 
     @property
     def lanes(self) -> int:

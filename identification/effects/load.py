@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-import casadi as ca
 import numpy as np
 
 from identification.effects.confusion import CONSTANT_TORQUE, SINGLE_RUN
@@ -22,6 +21,7 @@ from identification.effects.effect import (
 )
 from identification.effects.parameters import amplitude, columns, shape
 from identification.effects.runs import in_runs
+from identification.effects.span import LoadSpan, load_moments, short_load, tried_spans, within
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractCoefficient,
@@ -43,9 +43,6 @@ __all__ = [
 ]
 
 _LEAST_RANGE: Final = 2.0
-
-_SHORTEST: Final = 5.0
-"""Least duration of a load, in widths of an edge; an edge is two samples wide."""
 
 
 class AbstractSecondInertia(AbstractEffect, AbstractTorque, AbstractCoefficient):
@@ -165,7 +162,9 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
         tau = -T_l   while start <= t < stop in run r                       [N m]
 
     The torque is zero in all other runs.  The edges are smoothed over two sample intervals, so that
-    the times can be fitted.
+    the times can be fitted.  If the load is another one in each run, as that of a brake with
+    weights, the span is that of all runs, and the torque is free in each record, as a constant
+    state.
     """
 
     torque_size: float
@@ -179,62 +178,30 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
     confusions = (SINGLE_RUN,)
     drivers = ("time",)
     moments = ("start", "stop")
+    laws = (LoadSpan,)
     scope = "one span"
     source = "Krishnan, Electric Motor Drives (2001), section 2.3"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        start = Parameter(
-            "start", "s", "time at which the load begins", scale=self.duration / 50,
-            lower=-self.duration, upper=2 * self.duration,
-            prior_mean=self.duration / 2, prior_sd=50.0,
-        )  # fmt: skip
         meaning = f"load torque in {runs_text(self.runs)}"
-        return (
-            amplitude("torque", "N m", meaning, self.torque_size, signed=True),
-            start,
-            replace(start, name="stop", meaning="time at which the load ends"),
-        )
+        torque = amplitude("torque", "N m", meaning, self.torque_size, signed=True)
+        return (torque, *load_moments(self.duration))
 
     def flaw(self, values: Mapping[str, float]) -> str:
-        """Reason to reject a load shorter than ten samples; else empty.
-
-        Lost or wrong samples have the same effect on the log.
-        """
-        lasts = values["stop"] - values["start"]
-        if lasts > _SHORTEST * self.edge:
-            return ""
-        return (
-            f"implausible: the load lasts {1e3 * lasts:.3g} ms, expected more than ten samples "
-            f"({1e3 * _SHORTEST * self.edge:.3g} ms)"
-        )
+        return short_load(values, self.edge)
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         here = in_runs(signals, self.runs)
-
-        def passed(moment: Expression) -> Expression:
-            late = (signals.time - moment) / self.edge
-            return 0.5 * (1 + late / ca.sqrt(late * late + 1))
-
-        return -values.torque * here * (passed(values.start) - passed(values.stop))
+        return -values.torque * here * within(signals, values, self.edge)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate for single runs and groups of runs; spans of 1/2, 1/4 and 1/8 of a run."""
-        lengths = sorted({record.run: float(record.time[-1]) for record in scales.records}.values())
-        starts: list[Sequence[float]] = []
-        scanned = 0.0
-        for last in lengths:
-            if last < 1.2 * scanned:
-                continue
-            scanned = last
-            for parts in (2, 4, 8):
-                length = last / parts
-                for k in range(2 * parts - 1):
-                    begin = 0.5 * k * length
-                    starts.append((0.1 * scales.torque, begin, begin + length))
+        """One candidate for single runs and groups of runs, and for all with a torque of each."""
         term = cls(None, scales.torque, 2 * scales.interval, scales.run_duration)
-        return [Candidate(term, columns(*starts))]
+        starts = [(0.1 * scales.torque, *span) for span in tried_spans(scales)]
+        each_run = next(iter(LoadSpan.candidates(scales)), None)
+        return [Candidate(term, columns(*starts), each_run=each_run)]
 
 
 @register

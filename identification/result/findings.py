@@ -21,6 +21,7 @@ from identification.diagnosis.detection import Detection, detect
 from identification.diagnosis.localise import Localisation
 from identification.diagnosis.outliers import noise_without_outlying_runs, root_mean_square
 from identification.diagnosis.residual import pooled_errors
+from identification.effects.effect import effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.evaluate import (
     Simulated,
@@ -83,12 +84,14 @@ class ResidualAnalysis:
         """Simulations of the validation runs.
 
         At unknown angles, sharp friction has local optima; the angles of the model with smooth
-        friction are their start.
+        friction are their start.  A load of each run that begins later than the run, such as a
+        weight on a brake, is not in its first samples, so its size is fitted to the whole run.
         """
         records: Sequence[Record] = self.campaign.validation
         smooth = self.outcome.smooth if self.outcome and fit is self.final else None
-        whole = is_tracked(fit.simulator.model)
-        if whole and smooth is not None:
+        angles = is_tracked(fit.simulator.model)
+        whole = angles or any(t.varies and t.moments for t in effects_of(fit.simulator.model.terms))
+        if angles and smooth is not None:
             start = replace(fit, simulator=fit.simulator.changed_to(smooth, fit.values))
             records = [one.record for one in simulate_unseen(start, records, whole=True)]
         return simulate_most_alike(fit, records, whole=whole)

@@ -183,6 +183,8 @@ def _scores_by_run(
         ):
             chosen = [runs.index(run) for run in score.candidate.term.runs]
             scores.append(replace(score, control=_control(projection, chosen, lane, lanes)))
+        if candidate.each_run is not None:
+            scores += _score_of_amplitudes(candidate.each_run, lane, recurrence, numbers)
     return scores
 
 
@@ -208,14 +210,24 @@ def _score_of_each_record(
     residual: Residual, candidate: Candidate, deviations: Sequence[Array]
 ) -> list[Score]:
     """Score of one start with a free amplitude per record; parameters are projected out."""
-    count, records = len(candidate.final.parameters), len(deviations)
+    records = len(deviations)
     separate = _separated(deviations, range(records), residual.stride)
-    projection = residual.project(separate, records)
+    return _score_of_amplitudes(candidate, 0, residual.project(separate, records), range(records))
+
+
+def _score_of_amplitudes(
+    candidate: Candidate, lane: int, projection: Projection, numbers: Sequence[int]
+) -> list[Score]:
+    """Score of the start in `lane` with free amplitudes; empty if it is not finite.
+
+    The lanes of the projection are those of the amplitudes; `numbers` are the lanes of the records.
+    """
+    count = len(candidate.final.parameters)
     gain, weights = projection.gain()
     if not np.isfinite(gain):
         return []
-    start = candidate.starts[:, 0]
-    own = tuple(start[count:] * weight for weight in weights)
+    start = candidate.starts[:, lane]
+    own = tuple(start[count:] * weights[number] for number in numbers)
     return [Score(candidate, start[:count].copy(), gain, None, own, projection.along.by(weights))]
 
 
