@@ -33,6 +33,7 @@ from identification.ingest.mapping import MappingLike, RunMapping, read_mapping
 from identification.ingest.names import is_direction
 from identification.ingest.plausibility import check_values
 from identification.ingest.reader import Reader, Samples, SourceTable, TableSet, refuse_not_finite
+from identification.ingest.rounded import without_rounding
 from identification.ingest.run import Run, RunWarning, Source, SourceLocator
 from identification.ingest.side_by_side import with_own_clocks
 from identification.ingest.supplied import requested, supplied
@@ -220,6 +221,8 @@ def _values(
         values[name] = _in_si(cells, channel, locator)
         if name == "time_s":
             check_time(values[name], locator)
+            values[name], notes = without_rounding(values[name], locator)
+            warnings += notes
     return values, warnings
 
 
