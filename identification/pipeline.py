@@ -55,6 +55,7 @@ from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
 from identification.selection.sharpening import with_sharp_friction
 from identification.selection.thermometer import thermometer_errors
+from identification.selection.uneven import uneven_residual
 from identification.selection.voltage_errors import voltage_errors
 from identification.speed_loop import feedback_metrics, parse_controllers, suited_controller
 from identification.speed_loop.nonlinear import simulated_loops
@@ -305,6 +306,7 @@ def _omitted(
         *curve_details(final, fraction),
         *voltage_errors(final, fraction),
         *unresolved_transients(final, fraction),
+        *uneven_residual(final, fraction),
     )
 
 

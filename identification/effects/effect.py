@@ -4,8 +4,7 @@ An effect is a term (`model.term`) that the search can find.  `AbstractEffect` d
 search, the report and the documentation need of it; `docs/write-an-effect.md` shows an example.
 `candidates` returns prototypes of the effect for the motor at hand.  A prototype is the term at
 starting values of finite size.  The score test uses prototypes instead of the derivative at zero,
-because the derivative of a filter or lag vanishes there and the derivative of friction near
-standstill does not have the effect's shape.
+which vanishes for a filter or lag, and does not have the shape of friction near standstill.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar, Final, Literal, Self, TypeVar
+from typing import ClassVar, Literal, Self, TypeVar
 
 from identification.arrays import Array
 from identification.effects.confusion import Confusion
@@ -29,7 +28,6 @@ from identification.model.term import (
 )
 
 __all__ = [
-    "EACH_RUN",
     "REGISTERED",
     "AbstractEffect",
     "AbstractForced",
@@ -46,9 +44,6 @@ Effect = TypeVar("Effect", bound="type[AbstractEffect]")
 
 Scope = Literal["all runs", "some runs", "one span"]
 """Part of a campaign in which an effect acts."""
-
-EACH_RUN: Final = "separate value for each run"
-"""Variant of an effect whose size is free in each record."""
 
 
 @dataclass(frozen=True)
@@ -169,6 +164,11 @@ class AbstractEffect(AbstractTerm):
     def varies(self) -> bool:
         """True if the size differs from run to run, so that some runs have hardly any of it."""
         return False
+
+    @property
+    def reference_run(self) -> int | None:
+        """Number of the run in which a size that differs from run to run is zero by definition."""
+        return None
 
     @property
     def runs(self) -> tuple[int, ...]:
@@ -300,7 +300,7 @@ class Candidate:
     @property
     def by_run(self) -> bool:
         """True if the term is simulated in all runs at once and scored for each run."""
-        return isinstance(self.term, AbstractRunEffect) and not self.term.runs
+        return isinstance(self.term, AbstractRunEffect) and not (self.term.runs or self.by_record)
 
     def in_runs(self, run: int, *others: int) -> Candidate:
         """The candidate restricted to one run, or to `run` and `others`."""

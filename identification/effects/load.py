@@ -1,4 +1,4 @@
-"""External load torques, changes of inertia, and an elastic shaft."""
+"""External load torques, and an elastic shaft."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from identification.effects.confusion import CONSTANT_TORQUE, SINGLE_RUN
 from identification.effects.effect import (
-    EACH_RUN,
     AbstractEffect,
     AbstractRunEffect,
     CampaignScales,
@@ -20,7 +19,7 @@ from identification.effects.effect import (
     runs_text,
 )
 from identification.effects.parameters import amplitude, columns, shape
-from identification.effects.runs import in_runs
+from identification.effects.runs import EACH_RUN, in_runs
 from identification.effects.span import LoadSpan, load_moments, short_load, tried_spans, within
 from identification.model.parameter import Parameter
 from identification.model.term import (
@@ -34,7 +33,6 @@ from identification.model.term import (
 
 __all__ = [
     "AbstractSecondInertia",
-    "InertiaChange",
     "LoadStep",
     "LoadTorque",
     "ShaftCompliance",
@@ -202,41 +200,6 @@ class LoadStep(AbstractRunEffect, AbstractTorque):
         starts = [(0.1 * scales.torque, *span) for span in tried_spans(scales)]
         each_run = next(iter(LoadSpan.candidates(scales)), None)
         return [Candidate(term, columns(*starts), each_run=each_run)]
-
-
-@register
-@dataclass(frozen=True)
-class InertiaChange(AbstractRunEffect, AbstractCoefficient):
-    """Different inertia in one run or several runs, after a change of coupling or load.
-
-    J -> J (1 + d)   in these runs                                      [kg m^2]
-
-    With a second inertia behind an elastic shaft, both change by this factor.
-    """
-
-    name = "inertia_change"
-    confusions = (SINGLE_RUN,)
-    equation = "mechanical"
-    drivers = ("time",)
-    source = "Krishnan, Electric Motor Drives (2001), section 2.3"
-    coefficient = "J"
-    scope = "some runs"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        meaning = f"relative change of the inertia in {runs_text(self.runs)}"
-        return (
-            Parameter("change", "-", meaning, scale=0.1, lower=-0.9, upper=20.0, prior_sd=10.0),
-        )
-
-    def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
-        return 1 + values.change * in_runs(signals, self.runs)
-
-    @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        if len(scales.runs) < 2:
-            return []
-        return [Candidate(cls(None), columns((0.2,), (-0.15,)))]
 
 
 @register

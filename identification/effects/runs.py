@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import casadi as ca
 
-from identification.effects.effect import EACH_RUN, AbstractEffect
+from identification.effects.effect import AbstractEffect, CampaignScales
+from identification.model.parameter import Parameter
 from identification.model.term import Expression, Signals, State, Values
 
-__all__ = ["AbstractExcess", "in_runs"]
+__all__ = ["EACH_RUN", "AbstractExcess", "AbstractRelativeRuns", "first_of_several", "in_runs"]
+
+EACH_RUN: Final = "separate value for each run"
+"""Variant of an effect whose size is free in each record."""
+
+_FEWEST_RUNS: Final = 3
+"""Least number of runs of which each may differ from the others."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +67,39 @@ class AbstractExcess(AbstractEffect):
     def of_run(self, common: Expression, states: Values) -> Expression:
         """Size in a run, of which `common` is the value of all runs."""
         return common + states.excess if self.varies else common
+
+
+@dataclass(frozen=True, kw_only=True)
+class AbstractRelativeRuns(AbstractEffect):
+    """Effect with a size in each run relative to the first one, where it is zero by definition.
+
+    A size that all runs have in common would be the same as other nominal parameters.
+    """
+
+    first: int
+    """Number of the first run."""
+
+    varies = True
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return ()
+
+    @property
+    def reference_run(self) -> int:
+        return self.first
+
+    def relative(self, size: Expression, signals: Signals) -> Expression:
+        """Size in a run: the state `size`, or zero in the first one."""
+        return size * (1 - in_runs(signals, (self.first,)))
+
+
+def first_of_several(scales: CampaignScales) -> int | None:
+    """Number of the first run; None if there are fewer than three.
+
+    Of two runs, one has another size than the other.
+    """
+    return min(scales.runs) if len(scales.runs) >= _FEWEST_RUNS else None
 
 
 def in_runs(signals: Signals, runs: Sequence[int]) -> Expression:

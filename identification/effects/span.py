@@ -9,8 +9,9 @@ from typing import Final
 import casadi as ca
 
 from identification.effects.confusion import SINGLE_RUN
-from identification.effects.effect import EACH_RUN, AbstractEffect, CampaignScales, Candidate
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate
 from identification.effects.parameters import amplitude, columns
+from identification.effects.runs import EACH_RUN
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTorque, Expression, Signals, State, Values
 

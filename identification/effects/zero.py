@@ -7,14 +7,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 from identification.effects.confusion import CONSTANT_TORQUE, CONSTANT_VOLTAGE
-from identification.effects.effect import (
-    EACH_RUN,
-    AbstractEffect,
-    CampaignScales,
-    Candidate,
-    register,
-)
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate, register
 from identification.effects.parameters import amplitude, columns
+from identification.effects.runs import EACH_RUN
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractSensor,

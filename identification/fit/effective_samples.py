@@ -22,7 +22,7 @@ from identification.fit.solve import Fit
 from identification.linear import eigh, root, solution
 from identification.model.tangent import TangentBlock
 
-__all__ = ["effective_fraction", "scattered_fraction"]
+__all__ = ["effective_fraction", "influences", "scattered_fraction"]
 
 _STRETCHES: Final = 10
 """Stretches for each parameter over which the gradient scatters."""
@@ -74,12 +74,34 @@ def scattered_fraction(fit: Fit) -> float:
         Liang and Zeger, Biometrika 73 (1986) 13-22 (sandwich over clusters); Bishop, Pattern
         Recognition and Machine Learning, appendix B (mean logarithm of a Wishart determinant).
     """
+    parts, information = _stretches(fit)
+    number, n = parts.shape
+    if number < 2 * n:
+        return 1.0
+    gradient = parts.T @ parts * (number / (number - 1))
+    chance = digamma(0.5 * (number - np.arange(n))) + np.log(2.0 / number)
+    found = information.log_inflation(gradient) - float(np.mean(chance))
+    return float(1.0 / max(np.exp(found), 1.0))
+
+
+def influences(fit: Fit) -> Array:
+    """Change of the search coordinates by the residual of each stretch, (n_parameter, n_stretch).
+
+    The stretches are those of `scattered_fraction`.  The sum of the products of the changes is the
+    sandwich covariance; the sum of the changes is zero, except for the prior.
+
+    Source:
+        Hampel, J. American Statistical Association 69 (1974), 383-393 (influence curve).
+    """
+    parts, information = _stretches(fit)
+    return information.moved(parts.T)
+
+
+def _stretches(fit: Fit) -> tuple[Array, _Information]:
+    """Gradient (n_stretch, n_parameter) in each stretch of the records, and the information."""
     n, rows = fit.position.size, [record.rows for record in fit.simulator.records]
     length = max(sum(rows) // (_STRETCHES * n), 1)
     parts = [np.zeros((-(-each // length), n)) for each in rows]
-    number = sum(part.shape[0] for part in parts)
-    if number < 2 * n:
-        return 1.0
     weights = [fit.weighting.sample_weights(k) for k in range(len(rows))]
     residuals, information = fit.residuals(), _Information(fit, weights)
     for block, channel, tangent in _whitened_tangents(fit):
@@ -91,11 +113,7 @@ def scattered_fraction(fit: Fit) -> float:
         total = tangent[:, :n] + tangent[:, n:] @ fit.equations.state_response(k)
         at = np.arange(rows[k])[samples][block.lead :] // length
         np.add.at(parts[k], at, total * left)
-    stacked = np.vstack(parts)
-    gradient = stacked.T @ stacked * (number / (number - 1))
-    chance = digamma(0.5 * (number - np.arange(n))) + np.log(2.0 / number)
-    found = information.log_inflation(gradient) - float(np.mean(chance))
-    return float(1.0 / max(np.exp(found), 1.0))
+    return np.vstack(parts), information
 
 
 def _whitened_tangents(fit: Fit) -> Iterator[tuple[TangentBlock, int, Array]]:
@@ -123,12 +141,21 @@ class _Information:
         self._plain += own
         self._curvature += self._slopes[channel] * own
 
+    def moved(self, gradients: Array) -> Array:
+        """Change of the optimum by gradients (n_parameter, n) to first order."""
+        return solution(self._curvature + self._regular, gradients)
+
+    @property
+    def _regular(self) -> Array:
+        """Precision of the prior, and a little for directions without information."""
+        return np.asarray(self._prior + 1e-12 * np.diag(np.diag(self._plain)))
+
     def log_inflation(self, gradient: Array) -> float:
         """Mean logarithm of the sandwich over the plain covariance, over all directions [-].
 
         The covariance of the gradient is (n_parameter, n_parameter).
         """
-        prior = self._prior + 1e-12 * np.diag(np.diag(self._plain))
+        prior = self._regular
         turned = solution(self._curvature + prior, root(self._plain + prior))
         ratios, _ = eigh(turned.T @ (gradient + prior) @ turned)
         return float(np.mean(np.log(np.maximum(ratios, 1e-12))))

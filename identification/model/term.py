@@ -275,7 +275,7 @@ class AbstractSensor(AbstractTerm):
     """Sensor reading, if it differs from the state itself."""
 
     equation: ClassVar[Equation] = "sensor"
-    channel: ClassVar[Channel]
+    channel: Channel
 
     @abstractmethod
     def reading(

@@ -15,6 +15,7 @@ from identification.result.effect_texts import effect_words
 from identification.result.numbers import percent_text, probability_text
 from identification.selection.confounded import turns_one_way
 from identification.selection.omitted import OmittedTerm, consider_variances
+from identification.selection.uneven import UNEVEN
 from identification.warning import ResultWarning
 
 __all__ = [
@@ -148,18 +149,32 @@ def _collinear(final: Fit, term: OmittedTerm) -> ResultWarning:
 
 
 def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
-    """Warning on unexplained structure in the residual, and on its effect on the intervals."""
+    """Warnings on unexplained structure in the residual, and on its effect on the intervals."""
+    warnings = _uneven_warnings(final, [term for term in omitted if term.name == UNEVEN])
     # An unknown sensor gain (a term without a predicted gain) is reported where it is detected.
     omitted = [term for term in omitted if term.gain is not None and not term.parameter]
     if not omitted:
-        return []
+        return warnings
     names = _named([term.name for term in omitted])
     message = (
         "the residual holds structure that no effect explains: adding a term would improve the fit "
         f"by more than chance, but none passes the acceptance criteria ({names}); the intervals "
         f"include what such a term could change, which is most for {_most_changed(final, omitted)}"
     )
-    return [ResultWarning("omitted_terms", "warning", message)]
+    return [ResultWarning("omitted_terms", "warning", message), *warnings]
+
+
+def _uneven_warnings(final: Fit, uneven: Sequence[OmittedTerm]) -> list[ResultWarning]:
+    """Warning on a residual that is larger where it determines certain parameters."""
+    if not uneven:
+        return []
+    message = (
+        "the residual is larger in the samples that determine certain parameters than in the "
+        "others, as if these samples were taken at other times than logged; the intervals include "
+        f"its scatter there, which is most for {_most_changed(final, uneven)}"
+    )
+    fix = "check the clock of the samples, and record more steps of the voltage"
+    return [ResultWarning("uneven_residual", "warning", message, fix)]
 
 
 def surrogate_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:

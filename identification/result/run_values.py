@@ -36,7 +36,8 @@ def run_values(term: AbstractEffect, final: Fit, fraction: float) -> list[dict[s
     names: dict[int, str] = {record.run: record.name for record in final.simulator.records}
     first = _first_state(term, final)
     owned = [(first + k, state) for k, state in enumerate(term.states) if state.is_own]
-    combined = {k: dict(_of_runs(final, k, fraction)) for k, _ in owned}
+    reference = {} if term.reference_run is None else {term.reference_run: (0.0, 0.0)}
+    combined = {k: {**dict(_of_runs(final, k, fraction)), **reference} for k, _ in owned}
     return [
         {
             "file": name,

@@ -1,76 +1,127 @@
 """Gain of a channel that is another one in some runs, after a change of range, sensor or supply.
 
 One gain of a channel in all runs is not identifiable: with Kt from voltage and speed, a current
-that reads g times gives Ra / g, L / g, J g and b g.  The ratio between runs is, because resistance
-and inertia both show it.  `fit.gains` scales the currents before the search if the ratio is so
-large that nothing else explains it; a smaller one competes with the effects of the catalogue.
+that reads g times gives Ra / g, L / g, J g and b g, and a speed that reads g times gives Kt / g,
+J / g^2 and b / g^2.  The ratio between runs is, because both balances show it.  `fit.gains` scales
+the currents before the search if the ratio is so large that nothing else explains it; a smaller one
+competes with the effects of the catalogue.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
-from identification.effects.effect import AbstractRunEffect, CampaignScales, Candidate, runs_text
+from identification.effects.effect import (
+    AbstractEffect,
+    AbstractRunEffect,
+    CampaignScales,
+    Candidate,
+    runs_text,
+)
 from identification.effects.parameters import columns
-from identification.effects.runs import in_runs
+from identification.effects.runs import EACH_RUN, AbstractRelativeRuns, first_of_several, in_runs
 from identification.model.parameter import Parameter
 from identification.model.term import (
     AbstractSensor,
     AbstractVoltage,
+    Channel,
     Expression,
     Signals,
+    State,
     Values,
 )
 
-__all__ = ["CurrentGain", "VoltageGain"]
+__all__ = ["SensorGain", "SensorGainOfRuns", "VoltageGain", "VoltageGainOfRuns"]
+
+_CHANGE: Final = 0.05
+"""First guess of the relative change of a gain."""
 
 
-@dataclass(frozen=True)
-class _Gain(AbstractRunEffect):
-    """Gain of a channel in one run or several runs, relative to that in the others."""
+class _Gain(AbstractEffect):
+    """Gain of a channel, relative to that in other runs."""
 
     name = "unlisted"
-    scope = "some runs"
     source = (
         "Doebelin, Measurement Systems, 5th edition, chapter 3 (static sensitivity, scale factor)"
     )
+
+
+@dataclass(frozen=True)
+class _SomeRuns(AbstractRunEffect, _Gain):
+    """Another gain in one run or several runs."""
+
+    scope = "some runs"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         meaning = f"relative change of the gain in {runs_text(self.runs)}"
         return (Parameter("change", "-", meaning, scale=0.1, lower=-0.9, upper=9.0, prior_sd=3.0),)
 
-    def _change(self, signals: Signals, values: Values) -> Expression:
+    def change(self, signals: Signals, values: Values) -> Expression:
+        """Change of the gain in the run of the signals [-]."""
         return values.change * in_runs(signals, self.runs)
 
-    @classmethod
-    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate for single runs and groups of runs, if there are several runs."""
-        return [Candidate(cls(None), columns((0.05,)))] if len(scales.runs) > 1 else []
+    def in_variant(self, words: str) -> str:
+        """The words of a variant, and the runs."""
+        return " ".join((words, super().variant)).strip()
+
+    @staticmethod
+    def of(scales: CampaignScales, *terms: _SomeRuns) -> list[Candidate]:
+        """Candidates of terms for single runs and groups of runs, if there are several runs."""
+        several = len(scales.runs) > 1
+        return [Candidate(term, columns((_CHANGE,))) for term in terms] if several else []
 
 
 @dataclass(frozen=True)
-class CurrentGain(_Gain, AbstractSensor):
-    """Another gain of the current sensor in some runs.
+class _EachRun(AbstractRelativeRuns, _Gain):
+    """Another gain in each run than in the first one."""
+
+    gain_size: float
+    """Standard deviation of the relative changes of the gain [-]."""
+
+    amplitude_scale = "gain_size"
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        return (State("change", "-", scale=self.gain_size, is_own=True),)
+
+    def in_variant(self, words: str) -> str:
+        """The words of a variant, and that of its values."""
+        return f"{words}, {EACH_RUN}"
+
+
+@dataclass(frozen=True)
+class SensorGain(_SomeRuns, AbstractSensor):
+    """Another gain of the current or the speed sensor in some runs.
 
     logged current = i (1 + g)   in these runs                          [A]
+    logged speed   = w (1 + g)   in these runs                          [rad/s]
     """
 
-    drivers = ("current", "time")
-    channel = "current"
+    channel: Channel
+    """Channel of the sensor."""
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        return (self.channel, "time")
 
     @property
     def variant(self) -> str:
-        return " ".join(("another gain of the current sensor", super().variant)).strip()
+        return self.in_variant(f"another gain of the {self.channel} sensor")
 
     def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        return before + self._change(signals, values) * signals.current
+        return before + self.change(signals, values) * getattr(signals, self.channel)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        return cls.of(scales, cls(None, "current"), cls(None, "speed"))
 
 
 @dataclass(frozen=True)
-class VoltageGain(_Gain, AbstractVoltage):
+class VoltageGain(_SomeRuns, AbstractVoltage):
     """Another gain of the voltage in some runs, as by another supply of a commanded voltage.
 
     voltage = g v   in these runs                                       [V]
@@ -80,7 +131,79 @@ class VoltageGain(_Gain, AbstractVoltage):
 
     @property
     def variant(self) -> str:
-        return " ".join(("another gain of the voltage", super().variant)).strip()
+        return self.in_variant("another gain of the voltage")
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        return self._change(signals, values) * signals.voltage
+        return self.change(signals, values) * signals.voltage
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        return cls.of(scales, cls(None))
+
+
+@dataclass(frozen=True)
+class SensorGainOfRuns(_EachRun, AbstractSensor):
+    """Another gain of the current or the speed sensor in each run.
+
+    logged current = i (1 + g)   g free in each record, as a constant state   [A]
+    logged speed   = w (1 + g)                                                [rad/s]
+
+    g is zero in the first run.
+    """
+
+    channel: Channel
+    """Channel of the sensor."""
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        return (self.channel, "time")
+
+    @property
+    def variant(self) -> str:
+        return self.in_variant(f"another gain of the {self.channel} sensor")
+
+    def reading(
+        self, before: Expression, signals: Signals, states: Values, values: Values
+    ) -> Expression:
+        gain = self.relative(states.change, signals)
+        return before + gain * getattr(signals, self.channel)
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate for each sensor if there are at least three runs."""
+        first = first_of_several(scales)
+        if first is None:
+            return []
+        return [
+            replace(one, fitted=cls(_CHANGE, one.term.channel, first=first))
+            for one in SensorGain.candidates(scales)
+            if isinstance(one.term, SensorGain)
+        ]
+
+
+@dataclass(frozen=True)
+class VoltageGainOfRuns(_EachRun, AbstractVoltage):
+    """Another gain of the voltage in each run, as by batteries of another charge.
+
+    voltage = g v, g free in each record, as a constant state           [V]
+
+    g is zero in the first run.
+    """
+
+    drivers = ("voltage", "time")
+
+    @property
+    def variant(self) -> str:
+        return self.in_variant("another gain of the voltage")
+
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        return self.relative(states.change, signals) * signals.voltage
+
+    @classmethod
+    def candidates(cls, scales: CampaignScales) -> list[Candidate]:
+        """One candidate if there are at least three runs."""
+        first = first_of_several(scales)
+        if first is None:
+            return []
+        found = VoltageGain.candidates(scales)
+        return [replace(one, fitted=cls(_CHANGE, first=first)) for one in found]

@@ -12,9 +12,10 @@ from typing import ClassVar, Final
 
 import casadi as ca
 
-from identification.effects.effect import EACH_RUN, AbstractEffect, CampaignScales, Candidate
+from identification.effects.effect import AbstractEffect, CampaignScales, Candidate
 from identification.effects.friction import SHARPER, SIGN_WIDTH
 from identification.effects.parameters import amplitude, columns
+from identification.effects.runs import EACH_RUN
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTorque, Expression, Signals, State, Values
 

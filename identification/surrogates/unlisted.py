@@ -6,7 +6,12 @@ from typing import Final
 
 from identification.effects.effect import AbstractEffect
 from identification.surrogates.curves import MissingTorque, MissingVoltage
-from identification.surrogates.gain import CurrentGain, VoltageGain
+from identification.surrogates.gain import (
+    SensorGain,
+    SensorGainOfRuns,
+    VoltageGain,
+    VoltageGainOfRuns,
+)
 from identification.surrogates.gear import GearFriction
 from identification.surrogates.laws import (
     AngularFriction,
@@ -17,6 +22,7 @@ from identification.surrogates.laws import (
 )
 from identification.surrogates.ripple import MissingTorqueRipple, MissingVoltageRipple, SpeedRipple
 from identification.surrogates.run_in import DryFrictionOfRuns, ViscousFrictionOfRuns
+from identification.surrogates.spring import ReturnSpring
 
 __all__ = ["LAWS", "SURROGATES"]
 
@@ -38,7 +44,10 @@ LAWS: Final[tuple[type[AbstractEffect], ...]] = (
     SupplySag,
     GearFriction,
     SpeedRipple,
-    CurrentGain,
+    ReturnSpring,
+    SensorGain,
     VoltageGain,
+    SensorGainOfRuns,
+    VoltageGainOfRuns,
 )
 """Physical laws outside the catalogue that the search tries together with its effects."""

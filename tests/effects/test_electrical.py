@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 from scipy.special import erf
 
 from benchmarks.effects_page import example_scales
-from identification.effects.effect import EACH_RUN
 from identification.effects.electrical import BrushDrop, InductanceSaturation
+from identification.effects.runs import EACH_RUN
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run

@@ -6,9 +6,10 @@ import pytest
 
 from bench import make_campaign
 from benchmarks.coverage import run_of
-from identification.effects.effect import EACH_RUN, AbstractEffect, effects_of
+from identification.effects.effect import AbstractEffect, effects_of
 from identification.effects.electrical import BrushDrop
 from identification.effects.friction import CoulombFriction
+from identification.effects.runs import EACH_RUN
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.result.run_values import run_values

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.effects.effect import EACH_RUN
 from identification.effects.load import LoadTorque
+from identification.effects.runs import EACH_RUN
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest import Run

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from bench import make_campaign
-from identification.effects.load import AbstractSecondInertia, InertiaChange, ShaftCompliance
+from identification.effects.inertia import InertiaChange
+from identification.effects.load import AbstractSecondInertia, ShaftCompliance
 from identification.fit.declared import fit_declared
 from identification.model.composite import INPUTS, MotorModel
 from identification.model.term import Signals, Values

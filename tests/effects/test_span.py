@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.effects.effect import EACH_RUN
 from identification.effects.load import LoadStep
+from identification.effects.runs import EACH_RUN
 from identification.effects.span import LoadSpan
 from identification.fit.campaign import Campaign, campaign_of
 from identification.fit.declared import fit_declared

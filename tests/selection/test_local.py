@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from identification import FitOptions, identify
 from identification.effects.effect import AbstractEffect
-from identification.effects.load import InertiaChange, LoadStep
+from identification.effects.inertia import InertiaChange
+from identification.effects.load import LoadStep
 from identification.fit.declared import fit_declared
 from identification.fit.evaluate import Simulated
 from identification.ingest.run import Run
@@ -98,7 +99,8 @@ def test_a_changed_inertia_in_the_longest_run_is_of_that_run() -> None:
     (middle,) = campaign(disc, seed=9, runs=1, rows=2000)
     fit = fit_declared(records_of([first, middle, last]), "zoh")
 
-    scores = screened(fit, InertiaChange.candidates(scales_of(fit)))
+    of_some_runs = [c for c in InertiaChange.candidates(scales_of(fit)) if c.by_run]
+    scores = screened(fit, of_some_runs)
 
     best = {s.candidate.term.runs: s.gain for s in reversed(scores) if s.candidate.term.runs}
     assert np.median([best[(0,)], best[(2,)]]) > best[(1,)] / 4

@@ -14,7 +14,8 @@ from scipy import integrate
 from identification.effects.catalogue import CATALOGUE
 from identification.effects.electrical import BrushDrop, InductanceSaturation
 from identification.effects.friction import CoulombFriction
-from identification.effects.load import InertiaChange, LoadStep, LoadTorque
+from identification.effects.inertia import InertiaChange
+from identification.effects.load import LoadStep, LoadTorque
 from identification.effects.periodic import CoggingTorque
 from identification.effects.thermal import Demagnetization, SelfHeating
 from identification.effects.zero import CurrentOffset, VoltageOffset
