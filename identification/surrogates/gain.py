@@ -9,6 +9,7 @@ competes with the effects of the catalogue.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -46,6 +47,10 @@ class _Gain(AbstractEffect):
         "Doebelin, Measurement Systems, 5th edition, chapter 3 (static sensitivity, scale factor)"
     )
 
+    @abstractmethod
+    def change(self, signals: Signals, states: Values, values: Values) -> Expression:
+        """Relative change of the gain in the run of the signals [-]."""
+
 
 @dataclass(frozen=True)
 class _SomeRuns(AbstractRunEffect, _Gain):
@@ -58,8 +63,7 @@ class _SomeRuns(AbstractRunEffect, _Gain):
         meaning = f"relative change of the gain in {runs_text(self.runs)}"
         return (Parameter("change", "-", meaning, scale=0.1, lower=-0.9, upper=9.0, prior_sd=3.0),)
 
-    def change(self, signals: Signals, values: Values) -> Expression:
-        """Change of the gain in the run of the signals [-]."""
+    def change(self, signals: Signals, states: Values, values: Values) -> Expression:
         return values.change * in_runs(signals, self.runs)
 
     def in_variant(self, words: str) -> str:
@@ -86,18 +90,17 @@ class _EachRun(AbstractRelativeRuns, _Gain):
     def states(self) -> tuple[State, ...]:
         return (State("change", "-", scale=self.gain_size, is_own=True),)
 
+    def change(self, signals: Signals, states: Values, values: Values) -> Expression:
+        return self.relative(states.change, signals)
+
     def in_variant(self, words: str) -> str:
         """The words of a variant, and that of its values."""
         return f"{words}, {EACH_RUN}"
 
 
 @dataclass(frozen=True)
-class SensorGain(_SomeRuns, AbstractSensor):
-    """Another gain of the current or the speed sensor in some runs.
-
-    logged current = i (1 + g)   in these runs                          [A]
-    logged speed   = w (1 + g)   in these runs                          [rad/s]
-    """
+class _OfSensor(_Gain, AbstractSensor):
+    """Gain of the current or the speed sensor."""
 
     channel: Channel
     """Channel of the sensor."""
@@ -106,14 +109,32 @@ class SensorGain(_SomeRuns, AbstractSensor):
     def drivers(self) -> tuple[str, ...]:
         return (self.channel, "time")
 
-    @property
-    def variant(self) -> str:
-        return self.in_variant(f"another gain of the {self.channel} sensor")
-
     def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
-        return before + self.change(signals, values) * getattr(signals, self.channel)
+        return before + self.change(signals, states, values) * getattr(signals, self.channel)
+
+
+class _OfVoltage(_Gain, AbstractVoltage):
+    """Gain of the voltage."""
+
+    drivers = ("voltage", "time")
+
+    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
+        return self.change(signals, states, values) * signals.voltage
+
+
+@dataclass(frozen=True)
+class SensorGain(_OfSensor, _SomeRuns):
+    """Another gain of the current or the speed sensor in some runs.
+
+    logged current = i (1 + g)   in these runs                          [A]
+    logged speed   = w (1 + g)   in these runs                          [rad/s]
+    """
+
+    @property
+    def variant(self) -> str:
+        return self.in_variant(f"another gain of the {self.channel} sensor")
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
@@ -121,20 +142,15 @@ class SensorGain(_SomeRuns, AbstractSensor):
 
 
 @dataclass(frozen=True)
-class VoltageGain(_SomeRuns, AbstractVoltage):
+class VoltageGain(_OfVoltage, _SomeRuns):
     """Another gain of the voltage in some runs, as by another supply of a commanded voltage.
 
     voltage = g v   in these runs                                       [V]
     """
 
-    drivers = ("voltage", "time")
-
     @property
     def variant(self) -> str:
         return self.in_variant("another gain of the voltage")
-
-    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        return self.change(signals, values) * signals.voltage
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
@@ -142,7 +158,7 @@ class VoltageGain(_SomeRuns, AbstractVoltage):
 
 
 @dataclass(frozen=True)
-class SensorGainOfRuns(_EachRun, AbstractSensor):
+class SensorGainOfRuns(_OfSensor, _EachRun):
     """Another gain of the current or the speed sensor in each run.
 
     logged current = i (1 + g)   g free in each record, as a constant state   [A]
@@ -151,22 +167,9 @@ class SensorGainOfRuns(_EachRun, AbstractSensor):
     g is zero in the first run.
     """
 
-    channel: Channel
-    """Channel of the sensor."""
-
-    @property
-    def drivers(self) -> tuple[str, ...]:
-        return (self.channel, "time")
-
     @property
     def variant(self) -> str:
         return self.in_variant(f"another gain of the {self.channel} sensor")
-
-    def reading(
-        self, before: Expression, signals: Signals, states: Values, values: Values
-    ) -> Expression:
-        gain = self.relative(states.change, signals)
-        return before + gain * getattr(signals, self.channel)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
@@ -182,7 +185,7 @@ class SensorGainOfRuns(_EachRun, AbstractSensor):
 
 
 @dataclass(frozen=True)
-class VoltageGainOfRuns(_EachRun, AbstractVoltage):
+class VoltageGainOfRuns(_OfVoltage, _EachRun):
     """Another gain of the voltage in each run, as by batteries of another charge.
 
     voltage = g v, g free in each record, as a constant state           [V]
@@ -190,14 +193,9 @@ class VoltageGainOfRuns(_EachRun, AbstractVoltage):
     g is zero in the first run.
     """
 
-    drivers = ("voltage", "time")
-
     @property
     def variant(self) -> str:
         return self.in_variant("another gain of the voltage")
-
-    def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
-        return self.relative(states.change, signals) * signals.voltage
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
