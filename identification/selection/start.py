@@ -148,11 +148,18 @@ def _extended(fit: Fit, model: MotorModel, coordinates: Coordinates, start: Star
 def _shortened(
     fit: Fit, coordinates: Coordinates, model: MotorModel, start: Start, whole: Point
 ) -> list[Point]:
-    """The point at several fractions of the new amplitudes, with the fit held and moved along."""
+    """The point at several fractions of the new amplitudes, with the fit held and moved along.
+
+    The amplitudes are those of all records, and those of each record unless their angle is tracked.
+    """
     position, states = whole
     known = set(fit.coordinates.names)
     is_size = np.array([p.name not in known and p.vanishes for p in coordinates.parameters])
-    shares = _SHARES if is_size.any() and not start.is_moved else _SHARES[:1]
+    present = {term.name for term in fit.simulator.model.terms}
+    is_tracked = any(term.tracked for term in model.terms if term.name not in present)
+    amplitudes = () if is_tracked else start.own
+    is_sized = bool(is_size.any()) or bool(amplitudes)
+    shares = _SHARES if is_sized and not start.is_moved else _SHARES[:1]
     held = Along(np.zeros_like(position), tuple(np.zeros_like(state) for state in states))
     changes = [] if start.is_moved else [held]
     if start.along is not None:
@@ -161,9 +168,12 @@ def _shortened(
     for change in changes:
         for share in shares:
             moved = np.where(is_size, share, 1.0) * position + share * change.position
-            both = zip(states, change.states, strict=True)
-            own = [state + share * shift for state, shift in both]
-            found.append((np.clip(moved, coordinates.lower, coordinates.upper), own))
+            reduced = [state.copy() for state in states]
+            for state, own in zip(reduced, amplitudes, strict=False):
+                state[state.size - own.size :] *= share
+            both = zip(reduced, change.states, strict=True)
+            begin = [state + share * shift for state, shift in both]
+            found.append((np.clip(moved, coordinates.lower, coordinates.upper), begin))
     return found
 
 

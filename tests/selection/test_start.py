@@ -26,6 +26,7 @@ from identification.selection.score import sized
 from identification.selection.screen import screened
 from identification.selection.start import Start, begun, has_odd_coefficients, traded
 from identification.selection.tracing import missing_curves
+from identification.surrogates.run_in import ViscousFrictionOfRuns
 from identification.work import Budget, metered, operations
 from tests.effects.hidden import records_of_bench
 
@@ -144,6 +145,21 @@ def test_a_refit_goes_on_from_the_start_that_simulates_best() -> None:
     _, position, _ = begun(declared, model, coordinates, starts, noise)
 
     assert coordinates.values(position)[-1] / interval == pytest.approx(1.3, abs=0.05)
+
+
+def test_amplitudes_of_each_record_that_are_too_large_are_reduced() -> None:
+    """Known: no viscous friction differs between the runs; its start is far too large."""
+    declared = fit_declared(campaign("brush_drop", 0.001, seed=37).training, "zoh")
+    size = 10.0 * declared.by_name["b"]
+    model = declared.simulator.model.adding(ViscousFrictionOfRuns(size))
+    start = Start(np.zeros(0), own=tuple(np.array([each * size]) for each in (1.0, -1.0, 2.0)))
+    noise = replace(
+        Weighting.white(declared.simulator.records), deviation=declared.weighting.deviation
+    )
+
+    _, _, states = begun(declared, model, declared.coordinates, [start], noise)
+
+    assert max(abs(float(state[-1])) for state in states) < 0.01 * size
 
 
 def test_the_start_of_a_demagnetisation_has_most_of_its_gain() -> None:
