@@ -120,11 +120,20 @@ def raised_signals() -> Iterator[CaughtSignals]:
     ours = [n for n, handler in before.items() if is_main and handler in _DEFAULTS]
     for number in ours:
         signal.signal(number, came.end)
+    report = sys.unraisablehook
+
+    def unraisable(ignored: sys.UnraisableHookArgs) -> None:
+        """Report an exception that Python ignores, unless `raise_missed` raises it again."""
+        if came.raised is None or ignored.exc_value is not came.raised:
+            report(ignored)
+
+    sys.unraisablehook = unraisable
     _listening.append(came)
     try:
         yield came
     finally:
         _listening.remove(came)
+        sys.unraisablehook = report
         # A second signal during the cleanup ends the process at once.
         for number in ours:
             signal.signal(number, before[number])

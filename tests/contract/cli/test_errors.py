@@ -17,7 +17,7 @@ import pytest
 from app.cli import main
 from app.commands import motor
 from app.commands.console import progress_bar
-from app.commands.exits import EXIT_STATUS, raised_signals
+from app.commands.exits import EXIT_STATUS, raise_missed, raised_signals
 from identification.errors import ComputationError
 
 ROOT = Path(__file__).parents[3]
@@ -342,3 +342,23 @@ def test_result_that_is_a_pipe_is_not_waited_for(
 
     assert main([command, *words, *out]) == 2
     assert f"{pipe}: cannot be opened (Not a regular file)" in capsys.readouterr().err
+
+
+class _Interrupted:
+    """Object during whose end a Ctrl-C arrives."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_a_signal_in_a_finalizer_is_raised_afterwards_without_a_traceback(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python ignores the exception there, and would print it."""
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    with raised_signals():
+        _Interrupted()
+        with pytest.raises(KeyboardInterrupt):
+            raise_missed()
+
+    assert capsys.readouterr() == ("", "")
