@@ -51,12 +51,13 @@ _COARSE: Final = 0.5
 _FINE: Final = 0.02
 """The same once the phase is known up to small errors [rad^2]."""
 _NEGLIGIBLE: Final = 0.02
-"""Variance of the phase error over a record below which the angle is not corrected [rad^2]; it
-lowers an average amplitude by half a per cent."""
+"""Variance of the phase error over a record that lowers an amplitude by half a per cent [rad^2]."""
 _STEP: Final = 0.01
 """Step of the finite differences, relative to the scale of the torque or one radian [-]."""
 _NO_RESPONSE: Final = 1e-12
 """Information below which a block shows nothing of the amplitudes, over that of their scale [-]."""
+_INTENSITIES: Final = (1.0, 4.0, 16.0, 64.0)
+"""Intensities of the random walk over that of the slow noise [-]."""
 _FEWEST: Final = 10
 """Samples of a block at least."""
 _PASSES: Final = 3
@@ -135,20 +136,20 @@ def path_penalty(
 ) -> float:
     """Reduction of the log evidence by the paths of the phase [log likelihood].
 
-    The prior of a path is the random walk: half the log determinant of its posterior over its prior
-    information, and half its squared increments (MacKay, Neural Computation 4 (1992), 415-447).
-    The samples count by the effective fraction [-]; the other arguments are those of `tracked`.
+    Half the log determinant of the posterior over the prior information of the random walk, and
+    half the squared increments, at the intensity with the largest evidence (MacKay, Neural
+    Computation 4 (1992), 415-447).  The samples count by the effective fraction [-].
     """
     term = _tracked_term(simulator)
     if term is None or all(record.raw_angle is None for record in simulator.records):
         return 0.0
     order = _order(simulator, term, values)
-    tracks = _all_series(simulator, values, states, deviation, slow)
-    return sum(
-        series.penalty(order, len(term.tracked), fraction)
-        for _, series in tracks
-        if series.record.raw_angle is not None
-    )
+    penalties = np.zeros(len(_INTENSITIES))
+    for _, series in _all_series(simulator, values, states, deviation, slow):
+        if series.record.raw_angle is not None:
+            faster = [replace(series, walk=factor * series.walk) for factor in _INTENSITIES]
+            penalties += [one.penalty(order, len(term.tracked), fraction) for one in faster]
+    return float(penalties.min())
 
 
 def _tracked_term(simulator: Simulator) -> AbstractTerm | None:

@@ -119,6 +119,18 @@ def test_noise_alone_gains_less_than_the_path_costs() -> None:
     assert misfits[0] - misfits[1] < np.log(ROWS) + path
 
 
+def test_a_path_costs_as_much_whatever_noise_is_left() -> None:
+    """A model that explains more leaves less slow noise; the drift of its angle is the same."""
+    noise = np.array([1e-3, SPEED_NOISE])
+    simulator, values, _ = _slow_run(np.random.default_rng(6), has_cogging=True, memory=0.9)
+    (start,) = [initial_states(simulator.model, record) for record in simulator.records]
+    found, states = tracked(simulator, values, [start], noise, 4.0)
+
+    costs = [path_penalty(found, values, states, noise, slow, 1.0) for slow in (4.0, 2.0, 1.0)]
+
+    np.testing.assert_allclose(costs, costs[0], rtol=0.1)
+
+
 def test_angles_and_parameters_reach_their_common_optimum() -> None:
     """From J and b that are 50 % too high, another correction of the angles gains nothing."""
     noise = np.array([1e-3, SPEED_NOISE])
