@@ -43,10 +43,12 @@ def without_rounding(time: Array, locator: SourceLocator) -> tuple[Array, list[R
     number_long = int(np.count_nonzero(multiples > np.mean([multiples.min(), multiples.max()])))
     has_two = bool(np.all(np.abs(multiples - np.round(multiples)) < _EQUAL))
     has_two &= _FEWEST_OF_EACH <= number_long <= interval.size - _FEWEST_OF_EACH
+    if not has_two:
+        return time, []
     number = np.arange(time.size, dtype=np.float64)
     slope, origin = np.polyfit(number - number.mean(), time, 1)
     even = origin + slope * (number - number.mean())
-    if not has_two or float(np.ptp(time - even)) > _RANGE * step:
+    if float(np.ptp(time - even)) > _RANGE * step:
         return time, []
     message = (
         f"the times are those of a fixed rate of {1.0 / slope:.4g} Hz, rounded to {step:.3g} s; "

@@ -56,7 +56,7 @@ class Projection:
 
     def gain(self) -> tuple[float, Array]:
         """Gain of all lanes together and their optimal amplitudes; see `gains_of`."""
-        gains, weights = gains_of(self.products[None], self.onto_residual[None])
+        gains, weights = self.group_gains(self.onto_residual.size)
         return float(gains[0]), weights[0]
 
     def group_gains(self, size: int) -> tuple[Array, Array]:

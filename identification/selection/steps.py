@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +21,7 @@ from identification.selection.evidence import (
     replaces,
 )
 from identification.selection.outcome import Searched
+from identification.selection.policy import SelectionPolicy
 from identification.selection.refit import swapped
 from identification.selection.score import Score
 from identification.selection.trials import Trials
@@ -113,29 +114,31 @@ def accept(
     models = trials.finish_best(current, fits)
     finished = len(models)
     order = ranked(models, trials.policy)
-    chosen = _best_passing(state, models, order)
+    criteria = {k: trials.criteria(models[k], current) for k in order}
+    chosen = _best_passing(models, criteria, trials.policy)
     if chosen is None:
         # Skipped candidates and fits behind the best count only if the best have failed.
         fits += trials.refits(current, _without_fit(wanted, fits), abandon_cost)
         models += [trials.evaluate(fit, current.fraction) for _, fit in fits[finished:]]
-        chosen = _best_passing(state, models, range(finished, len(fits)))
     else:
         models += [EvaluatedModel(fit, current.fraction) for _, fit in fits[finished:]]
-    for k in [*order, *range(finished, len(fits))]:
-        criteria = trials.criteria(models[k], current)
-        state.note(fits[k][0], round_, criteria, chosen=k == chosen)
+    behind = {k: trials.criteria(models[k], current) for k in range(finished, len(fits))}
+    chosen = _best_passing(models, behind, trials.policy) if chosen is None else chosen
+    for k, found in (criteria | behind).items():
+        state.note(fits[k][0], round_, found, chosen=k == chosen)
     for score in _without_fit(wanted, fits):
         state.note(score, round_, None, chosen=False)
     return None if chosen is None else models[chosen]
 
 
 def _best_passing(
-    state: State, models: Sequence[EvaluatedModel], among: Iterable[int]
+    models: Sequence[EvaluatedModel],
+    criteria: Mapping[int, AcceptanceCriteria],
+    policy: SelectionPolicy,
 ) -> int | None:
-    """Index of the best of the models that meet the criteria, or None; ties count among them."""
-    trials = state.trials
-    passing = [k for k in among if trials.criteria(models[k], state.current).passed]
-    return passing[ranked([models[k] for k in passing], trials.policy)[0]] if passing else None
+    """Index of the best of the models that meet their criteria, or None; ties count among them."""
+    passing = [k for k, found in criteria.items() if found.passed]
+    return passing[ranked([models[k] for k in passing], policy)[0]] if passing else None
 
 
 def _without_fit(wanted: Sequence[Score], fits: Sequence[tuple[Score, object]]) -> list[Score]:

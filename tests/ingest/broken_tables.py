@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import errors
-from tests.ingest.devices import REPEATED_LVM
+from tests.ingest.devices import REPEATED_LVM, YOKOGAWA, text
 from tests.ingest.samples import CANONICAL, Dialect, record, renamed, with_cell, with_line, write
+from tests.ingest.writers import rows
 
 
 @dataclass(frozen=True)
@@ -197,6 +198,12 @@ BROKEN_TABLES = (
         b"#CLOCK=1.00mS\n" + b"11.9,\n12.1,\n" * 20,
         errors.NoTable,
         "most lines have a single number: export the time",
+    ),
+    Refusal(
+        "the header of an oscilloscope twice",
+        2 * text(YOKOGAWA, [[None, *row[1:]] for row in rows()]).encode(),
+        errors.UnsupportedContent,
+        "a second header within the samples, at 'TraceName'; let the device write one header",
     ),
     Refusal(
         "the same segment twice",
