@@ -53,6 +53,7 @@ from identification.selection.non_identifiable import (
 )
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
+from identification.selection.sample_times import sample_time_errors
 from identification.selection.sharpening import with_sharp_friction
 from identification.selection.thermometer import thermometer_errors
 from identification.selection.uneven import uneven_residual
@@ -307,6 +308,7 @@ def _omitted(
         *voltage_errors(final, fraction),
         *unresolved_transients(final, fraction),
         *uneven_residual(final, fraction),
+        *sample_time_errors(final, fraction),
     )
 
 

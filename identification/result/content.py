@@ -43,7 +43,9 @@ from identification.result.omitted import (
     confounded_warnings,
     omitted_entries,
     omitted_warnings,
+    sample_time_warnings,
     surrogate_warnings,
+    undetermined_warnings,
 )
 from identification.result.simulation_errors import (
     error_entries,
@@ -51,7 +53,6 @@ from identification.result.simulation_errors import (
     unexplained_channels,
     worse_runs,
 )
-from identification.selection.non_identifiable import linear_parts_of
 from identification.selection.omitted import OmittedTerm, consider_variances
 from identification.speed_loop import feedback_metrics
 from identification.speed_loop.nonlinear import nonlinear_entry
@@ -310,10 +311,11 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
     # An estimate tells more than the note of its file that there is no temperature.
     covered = {"no_temperature"} if temperatures else set()
     notes = [w for run in runs for w in run.warnings if w.code not in covered]
-    undetermined = _undetermined(findings)
+    undetermined = undetermined_warnings(final, findings.known)
     return [
         *(contradiction_warning(one, runs[0]) for one in findings.contradicted),
         *findings.admission.warnings,
+        *sample_time_warnings(final, findings.fraction, findings.omitted),
         *missed,
         *unexplained_channels(analysis),
         *undetermined,
@@ -332,19 +334,3 @@ def _warnings(findings: Findings, missed: Sequence[ResultWarning]) -> list[Resul
         *campaign.warnings,
         *(ResultWarning(note.code, "note", str(note)) for note in notes),
     ]
-
-
-def _undetermined(findings: Findings) -> list[ResultWarning]:
-    """Warning on the parameters that the runs do not determine."""
-    # The linear part of a curve is reported under the parameter it is collinear with.
-    final = findings.analysis.final
-    lines = {line.name for line in linear_parts_of(final)}
-    lines |= {parameter.name for parameter in final.simulator.model.unlogged.parameters}
-    unknown = [name for name, found in findings.known.items() if not found and name not in lines]
-    if not unknown:
-        return []
-    message = (
-        f"the runs do not determine {', '.join(unknown)}: the intervals are wide and come mainly "
-        "from the general priors; the table of parameters in the report gives the reasons"
-    )
-    return [ResultWarning("parameters_not_identified", "warning", message)]

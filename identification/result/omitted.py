@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,9 @@ from identification.quantities import DECLARED_PARAMETERS
 from identification.result.effect_texts import effect_words
 from identification.result.numbers import percent_text, probability_text
 from identification.selection.confounded import turns_one_way
+from identification.selection.non_identifiable import linear_parts_of
 from identification.selection.omitted import OmittedTerm, consider_variances
+from identification.selection.sample_times import SAMPLE_TIMES, time_deviations
 from identification.selection.uneven import UNEVEN
 from identification.warning import ResultWarning
 
@@ -23,7 +25,9 @@ __all__ = [
     "confounded_warnings",
     "omitted_entries",
     "omitted_warnings",
+    "sample_time_warnings",
     "surrogate_warnings",
+    "undetermined_warnings",
 ]
 
 _NAMED = 4
@@ -150,7 +154,7 @@ def _collinear(final: Fit, term: OmittedTerm) -> ResultWarning:
 
 def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
     """Warnings on unexplained structure in the residual, and on its effect on the intervals."""
-    warnings = _uneven_warnings(final, [term for term in omitted if term.name == UNEVEN])
+    warnings = _uneven_warnings(final, omitted)
     # An unknown sensor gain (a term without a predicted gain) is reported where it is detected.
     omitted = [term for term in omitted if term.gain is not None and not term.parameter]
     if not omitted:
@@ -164,17 +168,37 @@ def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultW
     return [ResultWarning("omitted_terms", "warning", message), *warnings]
 
 
-def _uneven_warnings(final: Fit, uneven: Sequence[OmittedTerm]) -> list[ResultWarning]:
+def sample_time_warnings(
+    final: Fit, fraction: float, omitted: Sequence[OmittedTerm]
+) -> list[ResultWarning]:
+    """Warning on samples that were taken before or after their logged times."""
+    terms = [term for term in omitted if term.name == SAMPLE_TIMES]
+    if not terms:
+        return []
+    channels = zip(("current", "speed"), time_deviations(final, fraction), strict=True)
+    errors = [f"{1e3 * s:.2g} ms in the {name}" for name, s in channels if s > 0.0]
+    message = (
+        "samples were taken before or after their logged times: the residual grows with the slope "
+        f"of the signal (time errors of {' and '.join(errors)}, one standard deviation), so a "
+        "delay may be an artefact; the intervals include the mean error at steps of the voltage, "
+        f"which is most for {_most_changed(final, terms)}"
+    )
+    fix = "log the time of each sample, or let a timer in hardware start the conversions"
+    return [ResultWarning(SAMPLE_TIMES, "warning", message, fix)]
+
+
+def _uneven_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
     """Warning on a residual that is larger where it determines certain parameters."""
+    uneven = [term for term in omitted if term.name == UNEVEN]
     if not uneven:
         return []
     message = (
         "the residual is larger in the samples that determine certain parameters than in the "
-        "others, as if these samples were taken at other times than logged; the intervals include "
-        f"its scatter there, which is most for {_most_changed(final, uneven)}"
+        "others; the intervals include its scatter there, which is most for "
+        f"{_most_changed(final, uneven)}"
     )
-    fix = "check the clock of the samples, and record more steps of the voltage"
-    return [ResultWarning("uneven_residual", "warning", message, fix)]
+    fix = "record more steps of the voltage, and check that no command takes effect late"
+    return [ResultWarning(UNEVEN, "warning", message, fix)]
 
 
 def surrogate_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
@@ -207,3 +231,18 @@ def _most_changed(final: Fit, omitted: Sequence[OmittedTerm]) -> str:
     }
     most = max(shares, key=lambda name: shares[name])
     return f"{most}: {percent_text(shares[most])} of its value (one standard deviation)"
+
+
+def undetermined_warnings(final: Fit, known: Mapping[str, bool]) -> list[ResultWarning]:
+    """Warning on the parameters that the runs do not determine; `known` is True for the others."""
+    # The linear part of a curve is reported under the parameter it is collinear with.
+    lines = {line.name for line in linear_parts_of(final)}
+    lines |= {parameter.name for parameter in final.simulator.model.unlogged.parameters}
+    unknown = [name for name, found in known.items() if not found and name not in lines]
+    if not unknown:
+        return []
+    message = (
+        f"the runs do not determine {', '.join(unknown)}: the intervals are wide and come mainly "
+        "from the general priors; the table of parameters in the report gives the reasons"
+    )
+    return [ResultWarning("parameters_not_identified", "warning", message)]
