@@ -5,7 +5,7 @@ The checks of one run have an order in which the first explanation of a fault is
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,6 +29,8 @@ from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
 from identification.checks.limited import current_limit_of, without
+from identification.checks.lost_rows import lost_steps_of
+from identification.checks.padded import padding_of
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
 from identification.checks.stalled import stalled_of
@@ -77,7 +79,14 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     """Check all runs of one motor, validation runs too, against physics and each other."""
     strongest = np.max([_sizes(run) for run in runs], axis=0) if runs else np.zeros(3)
     omissions: list[Omission] = []
-    for omissions_of in (_limits_of, disconnections_of, coastings_of, _stalls_of):
+    for omissions_of in (
+        _each(padding_of),
+        _each(lost_steps_of),
+        _each(_limit_of),
+        disconnections_of,
+        coastings_of,
+        _each(stalled_of),
+    ):
         pairs = list(zip(runs, omissions_of(runs), strict=True))
         runs = tuple(without(run, one.samples) if one else run for run, one in pairs)
         omissions += [one for _, one in pairs if one]
@@ -121,12 +130,11 @@ def _limit_of(run: Run) -> Omission | None:
     return None if limit and any(identity_findings(run, signals_of(run))) else limit
 
 
-def _limits_of(runs: Sequence[Run]) -> list[Omission | None]:
-    return [_limit_of(run) for run in runs]
-
-
-def _stalls_of(runs: Sequence[Run]) -> list[Omission | None]:
-    return [stalled_of(run) for run in runs]
+def _each(
+    omission_of: Callable[[Run], Omission | None],
+) -> Callable[[Sequence[Run]], list[Omission | None]]:
+    """Check of all runs that judges each of them alone."""
+    return lambda runs: [omission_of(run) for run in runs]
 
 
 def _sizes(run: Run) -> Array:
