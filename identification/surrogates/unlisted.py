@@ -6,6 +6,7 @@ from typing import Final
 
 from identification.effects.effect import AbstractEffect
 from identification.surrogates.curves import MissingTorque, MissingVoltage
+from identification.surrogates.dead_zone import SensorDeadZone
 from identification.surrogates.gain import (
     SensorGain,
     SensorGainOfRuns,
@@ -35,6 +36,7 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
     DahlFriction,
     Backlash,
     CurrentSaturation,
+    SensorDeadZone,
     ViscousFrictionOfRuns,
     DryFrictionOfRuns,
 )
