@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.checks.campaign import Admission, admitted, check_values, suspects
+from identification.checks.campaign import Admission, admitted, suspects
+from identification.checks.values import check_values
 from identification.diagnosis.localise import Localisation, localise
 from identification.effects.catalogue import CATALOGUE
 from identification.errors import ComputationError, InputError, OptionError

@@ -30,17 +30,18 @@ from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
 from identification.checks.limited import current_limit_of, without
 from identification.checks.lost_rows import lost_steps_of
+from identification.checks.other_inertia import other_inertia_findings
 from identification.checks.padded import padding_of
 from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
 from identification.checks.stalled import stalled_of
 from identification.checks.supply import supply_current_findings
-from identification.errors import ContradictoryRuns, InputError
+from identification.errors import ContradictoryRuns
 from identification.ingest.run import Run
 from identification.options import FitOptions
 from identification.warning import ResultWarning, both_ways
 
-__all__ = ["Admission", "Verdict", "admitted", "check_runs", "check_values", "suspects"]
+__all__ = ["Admission", "Verdict", "admitted", "check_runs", "suspects"]
 
 _UNEXPLAINED = 0.6
 _DRIVEN = 0.05
@@ -55,9 +56,6 @@ _FORCED: Final = (
 _ASIDE: Final = "run set aside (neither fitted nor used for validation): "
 _SUSPECT: Final = ("identical_channels", "constant_channel")
 """Codes of warnings that may explain a failed calculation, the most likely first."""
-_LEAST_ROWS: Final = 50
-_LARGEST: Final = 1e15
-"""Largest value of a channel; beyond it, the squares of a long record exhaust double precision."""
 
 
 @dataclass(frozen=True)
@@ -254,7 +252,7 @@ def admitted(training: Sequence[Run], validation: Sequence[Run], options: FitOpt
     """
     verdict = check_runs([*training, *validation])
     training, validation = verdict.runs[: len(training)], verdict.runs[len(training) :]
-    findings = list(verdict.findings)
+    findings = [*verdict.findings, *other_inertia_findings(training, validation)]
     left_out: set[str] = set()
     refused = verdict.refused
     while options.set_aside and (separable := {f.file for f in refused if f.separable}):
@@ -304,46 +302,3 @@ def suspects(runs: Sequence[Run]) -> str:
         return ""
     more = f" ({len(found) - 1} more such remarks)" if len(found) > 1 else ""
     return f"; what was noticed in the runs may be why: {found[0]}{more}"
-
-
-def check_values(training: Sequence[Run], validation: Sequence[Run]) -> None:
-    """Reject too few samples and invalid values.
-
-    A run need not come from the file reader, whose limits are tighter.
-
-    Raises:
-        InputError: There are too few samples, time does not increase, or a value is not finite or
-            too large to be squared.
-    """
-    if not training:
-        raise InputError("no training run was given; expected at least one run file")
-    rows = sum(run.rows for run in training)
-    if rows < _LEAST_ROWS:
-        raise InputError(
-            f"the training runs have {rows} samples together; expected at least {_LEAST_ROWS}: "
-            "record longer or give more runs",
-            file=training[0].name,
-            value=rows,
-        )
-    for run in (*training, *validation):
-        _check_run(run)
-
-
-def _check_run(run: Run) -> None:
-    for name, values in run.channels.items():
-        wrong = np.flatnonzero(~(np.abs(values) < _LARGEST))
-        if wrong.size:
-            raise InputError(
-                f"sample {wrong[0]} is {values[wrong[0]]:.6g}; expected a finite value below "
-                f"{_LARGEST:.0e}: check the sensor and its scale",
-                file=run.name,
-                column=name,
-                value=float(values[wrong[0]]),
-            )
-    steps = np.diff(run.time)
-    if not (np.isfinite(run.time).all() and (steps > 0).all()):
-        raise InputError(
-            "time does not increase from sample to sample; expected finite increasing seconds",
-            file=run.name,
-            column="time_s",
-        )

@@ -16,8 +16,9 @@ from html import escape
 
 import pandas as pd
 
-from identification.checks.campaign import check_runs, check_values
+from identification.checks.campaign import check_runs
 from identification.checks.finding import Finding
+from identification.checks.values import check_values
 from identification.errors import IdentificationError, InputError, RunFileError
 from identification.fit.campaign import campaign_of
 from identification.ingest.file import Limits
