@@ -36,7 +36,6 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
     DahlFriction,
     Backlash,
     CurrentSaturation,
-    SensorDeadZone,
     ViscousFrictionOfRuns,
     DryFrictionOfRuns,
 )
@@ -47,6 +46,7 @@ LAWS: Final[tuple[type[AbstractEffect], ...]] = (
     GearFriction,
     SpeedRipple,
     ReturnSpring,
+    SensorDeadZone,
     SensorGain,
     VoltageGain,
     SensorGainOfRuns,
