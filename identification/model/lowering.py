@@ -29,6 +29,7 @@ __all__ = [
     "Translation",
     "Value",
     "block_type",
+    "literal",
 ]
 
 LANES: Final = 8
@@ -99,6 +100,23 @@ class Operations:
         self._spread: dict[str, str] = {}
         self._inverse: dict[str, Value] = {}
 
+    def _is_scalar(self, stage: str) -> bool:
+        """True for a class whose values are the same in all lanes and held as one number."""
+        return stage == "shared"
+
+    def _stage_of(self, operands: list[Value]) -> str:
+        """Class of an operation on these operands: lane if theirs differ; literals have none."""
+        found = {operand.stage for operand in operands} - {"literal"}
+        if not found:
+            return "shared"
+        return found.pop() if len(found) == 1 else "lane"
+
+    def _types(self, stage: str) -> tuple[str, str]:
+        """LLVM types of the values of a class and of its conditions."""
+        if self._is_scalar(stage):
+            return _SCALAR, "i1"
+        return self.vector, f"<{self.lanes} x i1>"
+
     def _new(self) -> str:
         self._count += 1
         return f"%{self._prefix}{self._count}"
@@ -132,13 +150,13 @@ class Operations:
         Raises:
             ComputationError: The operation has no translation.
         """
-        stage = _stage_of(operands)
+        stage = self._stage_of(operands)
         if operation == ca.OP_DIV and operands[1].stage != stage:
             inverse = self._reciprocal(operands[1])
             return self.operation(ca.OP_MUL, [operands[0], inverse])
         if operation == ca.OP_IF_ELSE_ZERO:
-            return self.choice(operands[0], operands[1], _literal(0.0))
-        kind, mask = (_SCALAR, "i1") if stage == "shared" else (self.vector, f"<{self.lanes} x i1>")
+            return self.choice(operands[0], operands[1], literal(0.0))
+        kind, mask = self._types(stage)
         names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
         if operation in _BINARY:
             word = f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}"
@@ -148,8 +166,8 @@ class Operations:
             return self._emit(stage, expression)
 
         def number(x: float) -> str:
-            literal = _literal(x)
-            return literal.name if kind == _SCALAR else self._as_vector(literal)
+            value = literal(x)
+            return value.name if kind == _SCALAR else self._as_vector(value)
 
         if operation in _INTRINSIC:
             return self._called(_INTRINSIC[operation], kind, names[:1], emit)
@@ -163,10 +181,10 @@ class Operations:
     def choice(self, condition: Value, chosen: Value, otherwise: Value) -> Value:
         """Append the instructions of one conditional value and return it."""
         operands = [condition, chosen, otherwise]
-        stage = _stage_of(operands)
-        kind, mask = (_SCALAR, "i1") if stage == "shared" else (self.vector, f"<{self.lanes} x i1>")
+        stage = self._stage_of(operands)
+        kind, mask = self._types(stage)
         names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
-        zero = _literal(0.0).name if kind == _SCALAR else self._as_vector(_literal(0.0))
+        zero = literal(0.0).name if kind == _SCALAR else self._as_vector(literal(0.0))
         bit = self._emit(stage, f"fcmp une {kind} {names[0]}, {zero}")
         return self._emit(stage, f"select {mask} {bit.name}, {kind} {names[1]}, {kind} {names[2]}")
 
@@ -278,7 +296,7 @@ class Translation(Operations):
     ) -> None:
         super().__init__(prefix, lanes)
         self._pointer, self._given = pointer, given
-        found = translated(step, _literal, self._input, self.operation, self.choice)
+        found = translated(step, literal, self._input, self.operation, self.choice)
         self.carry, self.output = ([self._as_vector(value) for value in each] for each in found)
 
     def _input(self, which: int, row: int) -> Value:
@@ -294,17 +312,6 @@ class Translation(Operations):
         return self._emit("constant", f"load {self.vector}, ptr {address.name}, align 8")
 
 
-def _stage_of(operands: list[Value]) -> str:
-    """Class of an operation: that of its operands, lane if they differ; literals count as none."""
-    found = "literal"
-    for operand in operands:
-        if found == "literal":
-            found = operand.stage
-        elif operand.stage not in (found, "literal"):
-            return "lane"
-    return "shared" if found == "literal" else found
-
-
 def _joined(first: str, second: str, width: int) -> str:
     """The lanes of two vectors of equal width."""
     part = block_type(width)
@@ -312,6 +319,6 @@ def _joined(first: str, second: str, width: int) -> str:
     return f"shufflevector {part} {first}, {part} {second}, <{2 * width} x i32> <{lanes}>"
 
 
-def _literal(x: float) -> Value:
+def literal(x: float) -> Value:
     """Number in LLVM's exact hexadecimal notation."""
     return Value(f"0x{struct.pack('>d', float(x)).hex().upper()}", "literal")

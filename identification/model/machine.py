@@ -43,7 +43,14 @@ Level = Literal[0, 2]
 _MOST: Final = 4_000
 """Largest number of files in the cache; above it the least recently used half is removed.  A fit
 uses about 200 files of about 20 kB each, one of a long real log up to 900."""
-_SOURCES: Final = ("instructions.py", "loop.py", "lowering.py", "machine.py", "scan.py")
+_SOURCES: Final = (
+    "instructions.py",
+    "loop.py",
+    "lowering.py",
+    "machine.py",
+    "scan.py",
+    "split_loop.py",
+)
 _SUM: Final = hashlib.sha256().digest_size
 _LIBRARY: Final = "libmvec.so.1"
 _NAMES: Final = {"exp": "v", "log": "v", "sin": "v", "cos": "v", "pow": "vv"}

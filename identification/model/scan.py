@@ -24,9 +24,9 @@ import ctypes
 import functools
 import hashlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Final, Literal
+from typing import Final, Generic, Literal, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -40,20 +40,37 @@ from identification.model.machine import Level, Loaded, compiled, vector_width
 from identification.threads import threads
 from identification.work import charge, charge_once
 
-__all__ = ["LANES", "Effort", "Scan", "scan_of"]
+__all__ = [
+    "COMPILED",
+    "LANES",
+    "SHORT",
+    "Effort",
+    "Recent",
+    "Scan",
+    "Task",
+    "key_of",
+    "padded",
+    "run",
+    "scan_of",
+]
 
 Effort = Literal["once", "few", "some", "most"]
 
-_COMPILED: Final = {"once": 2.5e5, "few": 2.5e5, "some": 5e5, "most": 1e6}
+Task = tuple[Loaded | Interpreted, tuple[int, ...]]
+"""Kernel and its arguments."""
+
+Kept = TypeVar("Kept")
+
+COMPILED: Final = {"once": 2.5e5, "few": 2.5e5, "some": 5e5, "most": 1e6}
 """Operations that are charged for the compilation of one instruction, by effort."""
 
-_SHORT: Final = 1_000
+SHORT: Final = 1_000
 """Rows up to which a loop that runs once is interpreted, and others are not optimised.
 
 Unoptimised code is generated in 7 instead of 21 microseconds per instruction, and takes up to 0.6
 instead of 0.3 ns per instruction and block of lanes.  A fit runs a loop over some forty blocks."""
 
-_LONG: Final = 40 * _SHORT
+_LONG: Final = 40 * SHORT
 """Rows up to which a loop that runs a few times is not optimised."""
 
 _WIDE: Final = max(LANES, 2 * vector_width())
@@ -108,7 +125,7 @@ class Scan:
             self.n_parameter = prepare.size1_in(2)
         own = step.n_instructions()
         self._operations = own + (prepare.n_instructions() / STRIDE if prepare is not None else 0.0)
-        self._preparation = _COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
+        self._preparation = COMPILED[effort] * (own + (prepare.n_instructions() if prepare else 0))
         self._source, self._effort, self._key = (step, prepare), effort, key
         self._kernels: dict[tuple[Level | None, int], Loaded | Interpreted] = {}
         # Passes for which wide blocks would end first.
@@ -116,9 +133,9 @@ class Scan:
 
     def _form(self, rows: int) -> Level | None:
         """Form of the loop for a pass over `rows` rows: a level of code, or None if interpreted."""
-        if self._effort == "once" and rows <= _SHORT and self._source[1] is None:
+        if self._effort == "once" and rows <= SHORT and self._source[1] is None:
             return None
-        return 0 if rows <= (_LONG if self._effort in ("once", "few") else _SHORT) else 2
+        return 0 if rows <= (_LONG if self._effort in ("once", "few") else SHORT) else 2
 
     def _kernel(self, form: Level | None, lanes: int) -> Loaded | Interpreted:
         """Loop over a block of so many lanes, prepared at the first call."""
@@ -166,25 +183,25 @@ class Scan:
         all or for each one.  The carry (n_carry, n_lane) is that before the first step and is
         returned after the last one, with the outputs (n_step, n_output, n_lane).
         """
-        tasks: list[tuple[Loaded | Interpreted, tuple[int, ...]]] = []
+        tasks: list[Task] = []
         finals, outputs = [], []
         form = self._form(sum(rows.shape[0] for rows in inputs))
         width = self._width(form, [start.shape[1] for start in carries])
         if isinstance(parameters, np.ndarray):
-            given = [_padded(parameters)] * len(inputs)
+            given = [padded(parameters)] * len(inputs)
         else:
-            given = [_padded(own) for own in parameters]
+            given = [padded(own) for own in parameters]
         keep: list[Array] = []
-        for rows, padded, start in zip(inputs, given, carries, strict=True):
+        for rows, aligned, start in zip(inputs, given, carries, strict=True):
             n_lane = start.shape[1]
-            carry = _padded(start)
-            self._check(rows, padded, carry)
+            carry = padded(start)
+            self._check(rows, aligned, carry)
             rows = np.ascontiguousarray(rows, dtype=np.float64)
             stride = carry.shape[1]
             output = np.empty((rows.shape[0], self.n_output, stride))
             keep.append(rows)
             for first, lanes in _blocks(stride, width):
-                places = [each.ctypes.data + 8 * first for each in (padded, carry, output)]
+                places = [each.ctypes.data + 8 * first for each in (aligned, carry, output)]
                 task = (rows.shape[0], stride, rows.ctypes.data, *places)
                 # The reference keeps the code loaded, even if another thread replaces the kernel.
                 tasks.append((self._kernel(form, lanes), task))
@@ -193,14 +210,7 @@ class Scan:
         charge_once(self, self._preparation)
         for rows, start in zip(inputs, carries, strict=True):
             charge(self.work(rows.shape[0], start.shape[1]))
-        if len(tasks) == 1 or threads() == 1:
-            for kernel, task in tasks:
-                kernel.run(*task)
-        else:
-            # The longest first: one that starts last would leave the other threads idle.
-            tasks.sort(key=lambda each: -each[1][0])
-            for _ in _workers(threads()).map(lambda each: each[0].run(*each[1]), tasks):
-                pass
+        run(tasks)
         return finals, outputs
 
     def work(self, rows: int, lanes: int) -> float:
@@ -219,18 +229,33 @@ class Scan:
 
 def scan_of(step: ca.Function, prepare: ca.Function | None = None, effort: Effort = "most") -> Scan:
     """Compiled loop of a step function; equal functions are compiled once and cached."""
-    parts = [effort, *(f.serialize() for f in (step, prepare) if f is not None)]
-    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()
-    found = _cache.get(key)
-    if found is None:
-        found = _cache[key] = Scan(step, prepare, effort, key)
-        while len(_cache) > _CACHE_SIZE:
-            _cache.pop(next(iter(_cache)))
-    return found
+    key = key_of(effort, *(f.serialize() for f in (step, prepare) if f is not None))
+    return _scans.of(key, lambda: Scan(step, prepare, effort, key))
 
 
-_CACHE_SIZE = 512
-_cache: dict[str, Scan] = {}
+def key_of(*parts: str) -> str:
+    """Key of all that a loop depends on."""
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+class Recent(Generic[Kept]):
+    """The loops that were made last, by key."""
+
+    def __init__(self, most: int = 512) -> None:
+        self._most = most
+        self._kept: dict[str, Kept] = {}
+
+    def of(self, key: str, make: Callable[[], Kept]) -> Kept:
+        """The loop with this key, made if there is none."""
+        found = self._kept.get(key)
+        if found is None:
+            found = self._kept[key] = make()
+            while len(self._kept) > self._most:
+                self._kept.pop(next(iter(self._kept)))
+        return found
+
+
+_scans: Recent[Scan] = Recent()
 
 
 def _blocks(lanes: int, width: int) -> Iterator[tuple[int, int]]:
@@ -239,7 +264,7 @@ def _blocks(lanes: int, width: int) -> Iterator[tuple[int, int]]:
         yield first, min(width, lanes - first)
 
 
-def _padded(rows: Array) -> Array:
+def padded(rows: Array) -> Array:
     """Contiguous copy whose lanes are padded to whole blocks with copies of the last lane."""
     missing = -rows.shape[1] % LANES
     copy = np.empty((rows.shape[0], rows.shape[1] + missing))
@@ -247,6 +272,19 @@ def _padded(rows: Array) -> Array:
     if missing:
         copy[:, rows.shape[1] :] = rows[:, -1:]
     return copy
+
+
+def run(tasks: list[Task]) -> None:
+    """Call each kernel with its arguments, the first of which is its number of rows, in threads."""
+    if len(tasks) == 1 or threads() == 1:
+        for kernel, task in tasks:
+            kernel.run(*task)
+        return
+    # The longest first: one that starts last would leave the other threads idle.
+    for _ in _workers(threads()).map(
+        lambda each: each[0].run(*each[1]), sorted(tasks, key=lambda each: -each[1][0])
+    ):
+        pass
 
 
 @functools.lru_cache(maxsize=1)

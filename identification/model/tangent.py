@@ -20,8 +20,8 @@ from identification.arrays import Array
 from identification.model.blocks import BLOCK, blocks
 from identification.model.composite import MotorModel
 from identification.model.history import history_size
-from identification.model.scan import Scan, scan_of
 from identification.model.simulate import Simulator
+from identification.model.split_scan import SplitScan, split_scan_of
 from identification.model.step import step_function
 from identification.model.step_plan import StepPlan
 
@@ -82,44 +82,42 @@ def tangent_blocks(
     (n_state,) for each record.
     """
     n, m = simulator.n_state, directions.shape[1]
-    lanes = m + n
     size = n + history_size(simulator.model)
     seeds = np.concatenate([directions, np.zeros((directions.shape[0], n))], axis=1)
-    parameter = np.concatenate([np.repeat(values[:, None], lanes, axis=1), seeds])
     start = np.concatenate([np.zeros((size, m)), np.eye(size, n)], axis=1)
-    carries = [np.concatenate([carry, start]) for carry in simulator.carries(states, lanes)]
+    carries = [carry[:, 0] for carry in simulator.carries(states, 1)]
+    slopes = [start] * len(carries)
     scan = _tangent_scan(simulator.model, simulator.plan)
     lengths = [record.rows for record in simulator.records]
-    tails: dict[int, Array] = {}
+    tails: dict[int, list[Array]] = {}
     for going, parts in blocks(lengths, simulator.steps, lead, rows):
         first = parts[0].start
         stretches = [simulator.stretch(k, part) for k, part in zip(going, parts, strict=True)]
-        ends, outputs = scan(
-            [inputs for inputs, _ in stretches], parameter, [carries[k] for k in going]
+        found = scan(
+            [inputs for inputs, _ in stretches],
+            values,
+            seeds,
+            [carries[k] for k in going],
+            [slopes[k] for k in going],
         )
-        for k, end, output, (_, at) in zip(going, ends, outputs, stretches, strict=True):
-            carries[k] = end
-            own = output if at is None else output[at]
+        for k, (_, at), end, slope, *both in zip(going, stretches, *found, strict=True):
+            carries[k], slopes[k] = end, slope
+            own = both if at is None else [each[at] for each in both]
             if k in tails:
-                own = np.concatenate([tails[k], own])
+                own = [np.concatenate(pair) for pair in zip(tails[k], own, strict=True)]
             if lead:
-                tails[k] = own[-lead:].copy()
+                tails[k] = [each[-lead:].copy() for each in own]
             repeated = lead if first else 0
-            yield TangentBlock(k, first - repeated, repeated, own[:, :2, 0], own[:, 2:, :])
+            yield TangentBlock(k, first - repeated, repeated, *own)
 
 
 @lru_cache
-def _tangent_scan(model: MotorModel, plan: StepPlan) -> Scan:
+def _tangent_scan(model: MotorModel, plan: StepPlan) -> SplitScan:
     x, u, p = model.symbols(history_size(model))
     dx, dp = ca.SX.sym("dx", x.numel()), ca.SX.sym("dp", p.numel())
     both, seeds = ca.vertcat(x, p), ca.vertcat(dx, dp)
-    following, logged = step_function(model, plan)(x, u, p)
-    step = ca.Function(
-        "tangent",
-        [ca.vertcat(x, dx), u, ca.vertcat(p, dp)],
-        [
-            ca.vertcat(following, ca.jtimes(following, both, seeds)),
-            ca.vertcat(logged, ca.jtimes(logged, both, seeds)),
-        ],
-    )
-    return scan_of(step, effort="some")
+    step = step_function(model, plan)
+    following, logged = step(x, u, p)
+    slopes, tangents = (ca.jtimes(each, both, seeds) for each in (following, logged))
+    split = ca.Function("tangent", [x, dx, u, p, dp], [following, slopes, logged, tangents])
+    return split_scan_of(split, step.n_instructions())
