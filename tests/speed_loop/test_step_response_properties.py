@@ -22,7 +22,7 @@ from tests.speed_loop.loops import stable_loops
 Array = NDArray[np.float64]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(stable_loops())
 def test_every_event_satisfies_its_own_definition(loop: Loop) -> None:
     """The response is evaluated at and between the returned times; no reference is needed."""
