@@ -33,34 +33,40 @@ from identification.model.term import (
     Values,
 )
 
-__all__ = ["SensorGain", "SensorGainOfRuns", "VoltageGain", "VoltageGainOfRuns"]
+__all__ = [
+    "CHANGE",
+    "InEachRun",
+    "InSomeRuns",
+    "RelativeChange",
+    "SensorGain",
+    "SensorGainOfRuns",
+    "VoltageGain",
+    "VoltageGainOfRuns",
+]
 
-_CHANGE: Final = 0.05
-"""First guess of the relative change of a gain."""
+CHANGE: Final = 0.05
+"""First guess of a relative change."""
 
 
-class _Gain(AbstractEffect):
-    """Gain of a channel, relative to that in other runs."""
+class RelativeChange(AbstractEffect):
+    """Gain of a channel or coefficient of the motor, relative to that in other runs."""
 
     name = "unlisted"
-    source = (
-        "Doebelin, Measurement Systems, 5th edition, chapter 3 (static sensitivity, scale factor)"
-    )
 
     @abstractmethod
     def change(self, signals: Signals, states: Values, values: Values) -> Expression:
-        """Relative change of the gain in the run of the signals [-]."""
+        """Relative change in the run of the signals [-]."""
 
 
 @dataclass(frozen=True)
-class _SomeRuns(AbstractRunEffect, _Gain):
-    """Another gain in one run or several runs."""
+class InSomeRuns(AbstractRunEffect, RelativeChange):
+    """Another value in one run or several runs."""
 
     scope = "some runs"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        meaning = f"relative change of the gain in {runs_text(self.runs)}"
+        meaning = f"relative change in {runs_text(self.runs)}"
         return (Parameter("change", "-", meaning, scale=0.1, lower=-0.9, upper=9.0, prior_sd=3.0),)
 
     def change(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -71,18 +77,18 @@ class _SomeRuns(AbstractRunEffect, _Gain):
         return " ".join((words, super().variant)).strip()
 
     @staticmethod
-    def of(scales: CampaignScales, *terms: _SomeRuns) -> list[Candidate]:
+    def of(scales: CampaignScales, *terms: InSomeRuns) -> list[Candidate]:
         """Candidates of terms for single runs and groups of runs, if there are several runs."""
         several = len(scales.runs) > 1
-        return [Candidate(term, columns((_CHANGE,))) for term in terms] if several else []
+        return [Candidate(term, columns((CHANGE,))) for term in terms] if several else []
 
 
 @dataclass(frozen=True)
-class _EachRun(AbstractRelativeRuns, _Gain):
-    """Another gain in each run than in the first one."""
+class InEachRun(AbstractRelativeRuns, RelativeChange):
+    """Another value in each run than in the first one."""
 
     gain_size: float
-    """Standard deviation of the relative changes of the gain [-]."""
+    """Standard deviation of the relative changes [-]."""
 
     amplitude_scale = "gain_size"
 
@@ -96,6 +102,14 @@ class _EachRun(AbstractRelativeRuns, _Gain):
     def in_variant(self, words: str) -> str:
         """The words of a variant, and that of its values."""
         return f"{words}, {EACH_RUN}"
+
+
+class _Gain(RelativeChange):
+    """Gain of a channel."""
+
+    source = (
+        "Doebelin, Measurement Systems, 5th edition, chapter 3 (static sensitivity, scale factor)"
+    )
 
 
 @dataclass(frozen=True)
@@ -125,7 +139,7 @@ class _OfVoltage(_Gain, AbstractVoltage):
 
 
 @dataclass(frozen=True)
-class SensorGain(_OfSensor, _SomeRuns):
+class SensorGain(_OfSensor, InSomeRuns):
     """Another gain of the current or the speed sensor in some runs.
 
     logged current = i (1 + g)   in these runs                          [A]
@@ -142,7 +156,7 @@ class SensorGain(_OfSensor, _SomeRuns):
 
 
 @dataclass(frozen=True)
-class VoltageGain(_OfVoltage, _SomeRuns):
+class VoltageGain(_OfVoltage, InSomeRuns):
     """Another gain of the voltage in some runs, as by another supply of a commanded voltage.
 
     voltage = g v   in these runs                                       [V]
@@ -158,7 +172,7 @@ class VoltageGain(_OfVoltage, _SomeRuns):
 
 
 @dataclass(frozen=True)
-class SensorGainOfRuns(_OfSensor, _EachRun):
+class SensorGainOfRuns(_OfSensor, InEachRun):
     """Another gain of the current or the speed sensor in each run.
 
     logged current = i (1 + g)   g free in each record, as a constant state   [A]
@@ -178,14 +192,14 @@ class SensorGainOfRuns(_OfSensor, _EachRun):
         if first is None:
             return []
         return [
-            replace(one, fitted=cls(_CHANGE, one.term.channel, first=first))
+            replace(one, fitted=cls(CHANGE, one.term.channel, first=first))
             for one in SensorGain.candidates(scales)
             if isinstance(one.term, SensorGain)
         ]
 
 
 @dataclass(frozen=True)
-class VoltageGainOfRuns(_OfVoltage, _EachRun):
+class VoltageGainOfRuns(_OfVoltage, InEachRun):
     """Another gain of the voltage in each run, as by batteries of another charge.
 
     voltage = g v, g free in each record, as a constant state           [V]
@@ -204,4 +218,4 @@ class VoltageGainOfRuns(_OfVoltage, _EachRun):
         if first is None:
             return []
         found = VoltageGain.candidates(scales)
-        return [replace(one, fitted=cls(_CHANGE, first=first)) for one in found]
+        return [replace(one, fitted=cls(CHANGE, first=first)) for one in found]

@@ -5,6 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 from identification.effects.effect import AbstractEffect
+from identification.surrogates.coefficient import (
+    ResistanceChange,
+    ResistanceOfRuns,
+    TorqueConstantChange,
+    TorqueConstantOfRuns,
+)
 from identification.surrogates.curves import MissingTorque, MissingVoltage
 from identification.surrogates.dead_zone import SensorDeadZone
 from identification.surrogates.gain import (
@@ -51,5 +57,9 @@ LAWS: Final[tuple[type[AbstractEffect], ...]] = (
     VoltageGain,
     SensorGainOfRuns,
     VoltageGainOfRuns,
+    ResistanceChange,
+    TorqueConstantChange,
+    ResistanceOfRuns,
+    TorqueConstantOfRuns,
 )
 """Physical laws outside the catalogue that the search tries together with its effects."""
