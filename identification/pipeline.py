@@ -54,6 +54,7 @@ from identification.selection.non_identifiable import (
 )
 from identification.selection.omitted import OmittedTerm, unknown_gain
 from identification.selection.outcome import Outcome
+from identification.selection.reference_run import reference_runs
 from identification.selection.sample_times import sample_time_errors
 from identification.selection.sharpening import with_sharp_friction
 from identification.selection.thermometer import thermometer_errors
@@ -310,6 +311,7 @@ def _omitted(
         *unresolved_transients(final, fraction),
         *uneven_residual(final, fraction),
         *sample_time_errors(final, fraction),
+        *reference_runs(final),
     )
 
 

@@ -16,8 +16,10 @@ from identification.result.numbers import percent_text, probability_text
 from identification.selection.confounded import turns_one_way
 from identification.selection.non_identifiable import linear_parts_of
 from identification.selection.omitted import OmittedTerm, consider_variances
+from identification.selection.reference_run import REFERENCE_RUN
 from identification.selection.sample_times import SAMPLE_TIMES, time_deviations
 from identification.selection.uneven import UNEVEN
+from identification.surrogates.gain import RelativeChange
 from identification.warning import ResultWarning
 
 __all__ = [
@@ -154,7 +156,7 @@ def _collinear(final: Fit, term: OmittedTerm) -> ResultWarning:
 
 def omitted_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
     """Warnings on unexplained structure in the residual, and on its effect on the intervals."""
-    warnings = _uneven_warnings(final, omitted)
+    warnings = [*_reference_warnings(final, omitted), *_uneven_warnings(final, omitted)]
     # An unknown sensor gain (a term without a predicted gain) is reported where it is detected.
     omitted = [term for term in omitted if term.gain is not None and not term.parameter]
     if not omitted:
@@ -185,6 +187,25 @@ def sample_time_warnings(
     )
     fix = "log the time of each sample, or let a timer in hardware start the conversions"
     return [ResultWarning(SAMPLE_TIMES, "warning", message, fix)]
+
+
+def _reference_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
+    """Warning on a value that runs differ in, of which the first run may not have the usual one."""
+    terms = [term for term in omitted if term.name == REFERENCE_RUN]
+    if not terms:
+        return []
+    differing = [
+        effect.variant
+        for effect in effects_of(final.simulator.model.terms)
+        if isinstance(effect, RelativeChange)
+    ]
+    message = (
+        f"the runs differ ({'; '.join(differing)}), and which of them have the usual value is "
+        "unknown; the intervals include the difference, which is most for "
+        f"{_most_changed(final, terms)}"
+    )
+    fix = "find out which run has the usual value, or give --known NAME=VALUE"
+    return [ResultWarning(REFERENCE_RUN, "warning", message, fix)]
 
 
 def _uneven_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:

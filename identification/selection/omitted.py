@@ -64,6 +64,8 @@ class OmittedTerm:
     surrogate: float | None = None
     """Probability that the term, an effect of the model, is a surrogate [-]; None for a term that
     is not in the model."""
+    possible: float = 1.0
+    """Probability that the change applies, for a term that is not in the model [-]."""
     is_linear: bool = False
     """True if the change is proportional to the amplitude of the term in the physical values; else
     in the search coordinates, as a scaling of all parameters or the way to another optimum."""
@@ -71,7 +73,7 @@ class OmittedTerm:
     @property
     def share(self) -> float:
         """Fraction of the draws that contain the change [-]."""
-        return 1.0 if self.surrogate is None else self.surrogate
+        return self.possible if self.surrogate is None else self.surrogate
 
 
 def optimum_shifts(fit: Fit, changes: Sequence[Array]) -> list[Array]:

@@ -8,8 +8,8 @@ noise n, the residual and its variance are, to first order,
 
 Iterated weighted regression of e^2 on y'^2 gives s.
 The time errors are reported if that raises the log likelihood of normal residuals by more than
-chance, and if the residual is hardly correlated from sample to sample where the slope is large, as
-that of a missing law is.
+chance, which is more for noise with heavy tails, and if the residual is hardly correlated from
+sample to sample where the slope is large, as that of a missing law is.
 
 Time errors do not only scatter.  At a step of the voltage, where y' jumps by D, late samples show
 the response and early ones do not, so that the mean residual there is D E[max(u, 0)], at most
@@ -18,8 +18,9 @@ the mean is one standard deviation of an error that joins the intervals, to firs
 
 Source: Balakrishnan, IRE Transactions on Information Theory 8 (1962), 226-236 (time jitter in
 sampling); Davidian and Carroll, J. American Statistical Association 82 (1987), 1079-1091 (variance
-function estimation); Schwarz, Annals of Statistics 6 (1978), 461-464 (gain by chance); Schmidt, in
-Advances in Control Systems 3 (1966), 293-340 (consider covariance).
+function estimation); Schwarz, Annals of Statistics 6 (1978), 461-464 (gain by chance); White,
+Econometrica 50 (1982), 1-25 (likelihood ratio of a wrong distribution); Schmidt, in Advances in
+Control Systems 3 (1966), 293-340 (consider covariance).
 """
 
 from __future__ import annotations
@@ -107,7 +108,9 @@ def _time_deviation(residual: Array, squares: Array, follows: Bool, fraction: fl
         variance = np.maximum(columns @ np.maximum(values, 0.0), least)
     constant = np.log(float(power.mean())) + 1.0
     gain = 0.5 * fraction * float(np.sum(constant - np.log(variance) - power / variance))
-    if not (values[1] > 0.0 and gain > 0.5 * np.log(number)):
+    # By chance, the gain grows with the variance of the squares, which is 2 for a normal variable.
+    scatter = max(0.5 * (float(np.mean((power / variance) ** 2)) - 1.0), 1.0)
+    if not (values[1] > 0.0 and gain > 0.5 * np.log(number) * scatter):
         return 0.0
     late = residual * values[1] * columns[:, 1] / variance**1.5
     common = float(np.sum((late[1:] * late[:-1])[follows[1:]]))

@@ -37,12 +37,14 @@ class _Resistance(_Coefficient):
     equation = "electrical"
     drivers = ("current", "time")
     coefficient = "Ra"
+    powers = {"Ra25": 1.0}  # noqa: RUF012  a constant
 
 
 class _TorqueConstant(_Coefficient):
     equation = "mechanical"
     drivers = ("current", "speed", "time")
     coefficient = "Kt"
+    powers = {"Kt25": 1.0}  # noqa: RUF012  a constant
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,17 @@
 """Gain of a channel that is another one in some runs, after a change of range, sensor or supply.
 
 One gain of a channel in all runs is not identifiable: with Kt from voltage and speed, a current
-that reads g times gives Ra / g, L / g, J g and b g, and a speed that reads g times gives Kt / g,
-J / g^2 and b / g^2.  The ratio between runs is, because both balances show it.  `fit.gains` scales
-the currents before the search if the ratio is so large that nothing else explains it; a smaller one
-competes with the effects of the catalogue.
+that reads g times gives Ra / g, L / g, J g and b g, a speed that reads g times gives Kt / g,
+J / g^2 and b / g^2, and a voltage g times as large as logged gives g times every parameter.  The
+ratio between runs is, because both balances show it.  `fit.gains` scales the currents before the
+search if the ratio is so large that nothing else explains it; a smaller one competes with the
+effects of the catalogue.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -47,11 +49,21 @@ __all__ = [
 CHANGE: Final = 0.05
 """First guess of a relative change."""
 
+_OF_CURRENT: Final = {"Ra25": -1.0, "L": -1.0, "J": 1.0, "b": 1.0}
+_OF_SPEED: Final = {"Kt25": -1.0, "J": -2.0, "b": -2.0}
+_OF_VOLTAGE: Final = {"Ra25": 1.0, "L": 1.0, "Kt25": 1.0, "J": 1.0, "b": 1.0}
+"""Powers of a gain that multiply the parameters; see above."""
+
 
 class RelativeChange(AbstractEffect):
     """Gain of a channel or coefficient of the motor, relative to that in other runs."""
 
     name = "unlisted"
+
+    @property
+    @abstractmethod
+    def powers(self) -> Mapping[str, float]:
+        """Powers of 1 + g by which parameters are larger if all runs have the change g."""
 
     @abstractmethod
     def change(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -123,6 +135,10 @@ class _OfSensor(_Gain, AbstractSensor):
     def drivers(self) -> tuple[str, ...]:
         return (self.channel, "time")
 
+    @property
+    def powers(self) -> Mapping[str, float]:
+        return _OF_CURRENT if self.channel == "current" else _OF_SPEED
+
     def reading(
         self, before: Expression, signals: Signals, states: Values, values: Values
     ) -> Expression:
@@ -133,6 +149,7 @@ class _OfVoltage(_Gain, AbstractVoltage):
     """Gain of the voltage."""
 
     drivers = ("voltage", "time")
+    powers = _OF_VOLTAGE
 
     def voltage(self, signals: Signals, states: Values, values: Values) -> Expression:
         return self.change(signals, states, values) * signals.voltage

@@ -82,6 +82,19 @@ def test_uncertain_sample_times_widen_the_interval_of_the_inductance() -> None:
     assert np.mean(ours, axis=0)[-1] < 4.0
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_with_spikes_shows_no_time_errors(seed: int) -> None:
+    """Single large residuals raise the likelihood of any law of the variance by chance."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for run in noiseless(SERVO, seed=seed, rows=1000):
+        spikes = np.where(rng.random((run.rows, 2)) < 0.01, 30.0, 1.0)
+        noise = rng.standard_normal((run.rows, 2)) * spikes * [0.1, 0.3]
+        runs.append(replace(run, current=run.current + noise[:, 0], speed=run.speed + noise[:, 1]))
+
+    assert not time_deviations(fitted(runs), 1.0).any()
+
+
 def test_errors_that_last_are_no_errors_of_the_sample_times() -> None:
     """A law that the model lacks leaves a residual that is correlated from sample to sample."""
     assert not time_deviations(fitted(sampled(1, 0.4, correlated=True)), 1.0).any()

@@ -1,0 +1,53 @@
+"""Consider covariance of a value that runs differ in, relative to one of them.
+
+If each run has its own gain of a sensor or the voltage, its own resistance or torque constant, the
+runs determine the ratios only.  The parameters are those of the first run, and which run has the
+usual value is unknown.  The first run may differ from it by as much as the others from the first,
+so the change of the parameters by the root mean square of the differences is one standard deviation
+of an error that joins the intervals.
+
+If some runs have another value than the others, the parameters are those of the others.  The usual
+value is that of the former with a probability of their share among the runs.
+
+Source: Schmidt, in Advances in Control Systems 3 (1966), 293-340 (consider covariance).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from identification.fit.solve import Fit
+from identification.selection.omitted import OmittedTerm
+from identification.surrogates.gain import InEachRun, InSomeRuns, RelativeChange
+
+__all__ = ["REFERENCE_RUN", "reference_runs"]
+
+REFERENCE_RUN: Final = "reference_run"
+"""Name of the terms."""
+
+
+def reference_runs(fit: Fit) -> tuple[OmittedTerm, ...]:
+    """Parameter changes if other runs have the usual value; empty if all runs agree."""
+    values = fit.by_name
+    slopes = dict(zip(fit.coordinates.names, fit.coordinates.slopes(fit.position), strict=True))
+    found = []
+    for term in fit.simulator.model.terms:
+        if not isinstance(term, RelativeChange):
+            continue
+        spread, probability = _difference(term, fit)
+        steps = {
+            name: power * spread * float(values[name] / slopes[name])
+            for name, power in term.powers.items()
+        }
+        found.append(OmittedTerm(REFERENCE_RUN, None, None, steps, possible=probability))
+    return tuple(found)
+
+
+def _difference(term: RelativeChange, fit: Fit) -> tuple[float, float]:
+    """Difference between the runs [-], and the probability that the parameters differ by it."""
+    if isinstance(term, InEachRun):
+        return term.gain_size, 1.0
+    if not isinstance(term, InSomeRuns):
+        return 0.0, 1.0
+    number = len({record.run for record in fit.simulator.records})
+    return abs(fit.by_name[f"{term.name}.change"]), len(term.runs) / number
