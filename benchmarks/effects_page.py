@@ -61,7 +61,7 @@ changes a coefficient or its temperature, or acts in a sensor.
 effect.
 If no effect type meets them, the search may fit the effect `unlisted`: a smooth curve of the \
 missing voltage or torque over the signals that it depends on most.
-Eleven physical laws have the name `unlisted` as well: a sagging chopper supply if the logged \
+Thirteen physical laws have the name `unlisted` as well: a sagging chopper supply if the logged \
 voltage is the commanded one, v = -R_s (v / v_0)^2 i; a ripple of the speed sensor over the shaft \
 angle phi, from a tachogenerator or an eccentric disc, w (1 + sum A_h sin(h k phi) + B_h cos(h k \
 phi)); the saturation of the current sensor, i / (1 + c |i / i_0|^2p)^(1/2p); a dead zone of the \
@@ -69,7 +69,8 @@ current or the speed sensor, x - d sgn x beyond d and 0 within; the friction of 
 proportion to the torque that accelerates the load, -c |J dw/dt| sgn w; a viscous friction -c w \
 or a dry friction -c sgn w with another c in each run, as of bearings that run in; a return \
 spring, -k phi; and another gain of the current sensor, i (1 + g), of the speed sensor, w (1 + \
-g), or of the voltage, v (1 + g), in some runs or in each.
+g), or of the voltage, v (1 + g), another resistance, Ra (1 + g), or another torque constant, Kt \
+(1 + g), in some runs or in each.
 
 Priors scale with the signals of the runs and with the fit of the nominal model.
 The priors below belong to an example: a servo motor with Ra25 {Ra25:g} ohm, Kt25 {Kt25:g} N m/A \

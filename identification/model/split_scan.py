@@ -110,10 +110,9 @@ class SplitScan:
     def _kernel(self, level: Level) -> Loaded:
         if level not in self._kernels:
             made = without_repeats if level else lambda one: one
-            code = compiled(
-                lambda: lower_split(made(self._step)), level, f"{self._key}split{level}"
-            )
-            self._kernels[level] = Loaded(code, _ARGUMENTS)
+            key = f"{self._key}{level}"
+            machine = compiled(lambda: lower_split(made(self._step)), level, key)
+            self._kernels[level] = Loaded(machine, _ARGUMENTS)
         return self._kernels[level]
 
 

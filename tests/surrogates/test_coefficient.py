@@ -1,0 +1,97 @@
+"""Runs in which the motor has another resistance or torque constant than in the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.effects.effect import effects_of
+from identification.fit.campaign import campaign_of
+from identification.fit.declared import fit_declared
+from identification.ingest import Run
+from identification.result.run_values import run_values
+from identification.selection.omitted import consider_variances
+from identification.selection.outcome import Outcome
+from identification.selection.reference_run import reference_runs
+from identification.selection.search import search
+from identification.surrogates.coefficient import (
+    ResistanceChange,
+    ResistanceOfRuns,
+    TorqueConstantChange,
+    TorqueConstantOfRuns,
+)
+from identification.surrogates.gain import InEachRun, InSomeRuns
+from tests.motors import drive, motor_named, run_of
+
+MOTOR = motor_named("servo 100 W")
+ROWS, NOISE = 1500, 0.003
+TEMPERATURES = (25.0, 60.0, 60.0, 25.0, 45.0, 35.0)
+FACTORS = (1.0, 1.05, 0.97, 1.02, 0.98, 1.0)
+DECLARED = ["Ra25", "alpha_Ra", "Kt25", "alpha_Kt", "J", "b", "L"]
+OF: dict[str, tuple[type[InSomeRuns], type[InEachRun]]] = {
+    "Ra25": (ResistanceChange, ResistanceOfRuns),
+    "Kt25": (TorqueConstantChange, TorqueConstantOfRuns),
+}
+
+
+def measured(name: str, factors: tuple[float, ...]) -> list[Run]:
+    """Six runs, the last one for validation, in which a parameter is multiplied by a factor."""
+    rng = np.random.default_rng(11)
+    runs = []
+    for degrees, factor in zip(TEMPERATURES, factors, strict=True):
+        a, b, c, d, e, f, g = MOTOR.vector * np.where(np.array(DECLARED) == name, factor, 1.0)
+        motor = replace(MOTOR, values=(a, b, c, d, e, f, g))
+        voltage = drive(MOTOR, "steps", ROWS, rng)
+        run = run_of(motor, voltage, np.full(ROWS, degrees), np.zeros(2))
+        noise = NOISE * rng.standard_normal((2, ROWS))
+        current = run.current + noise[0] * run.current.std()
+        runs.append(replace(run, current=current, speed=run.speed + noise[1] * run.speed.std()))
+    return runs
+
+
+def outcome_of(runs: list[Run]) -> Outcome:
+    """Outcome of the search with the last run for validation."""
+    campaign = campaign_of(runs[:-1], runs[-1:])
+    return search(fit_declared(campaign.training, "zoh"), campaign)
+
+
+@pytest.mark.parametrize(("name", "change"), [("Ra25", 0.08), ("Kt25", -0.03)])
+def test_another_value_in_one_run_is_named(name: str, change: float) -> None:
+    """A longer cable or a weaker magnet in the second run is no change of inertia and no heat."""
+    fit = outcome_of(measured(name, (1.0, 1.0 + change, 1.0, 1.0, 1.0, 1.0))).fit
+
+    (term,) = effects_of(fit.simulator.model.terms)
+    assert term == OF[name][0](1)
+    deviations = np.sqrt(np.diag(fit.equations.covariance()))
+    position = fit.coordinates.of(np.append(MOTOR.vector, change))
+    assert np.all(np.abs(fit.position - position) < 4.0 * deviations)
+
+
+@pytest.mark.parametrize("name", OF)
+def test_another_value_in_each_run_is_a_value_of_each_run(name: str) -> None:
+    """The parameters are those of the first run.
+
+    With a constant temperature in each run, the differences are known as well as the coefficient.
+    """
+    fit = outcome_of(measured(name, FACTORS)).fit
+
+    (term,) = effects_of(fit.simulator.model.terms)
+    assert isinstance(term, OF[name][1])
+    deviations = np.sqrt(np.diag(fit.equations.covariance()))
+    assert np.all(np.abs(fit.position - fit.coordinates.of(MOTOR.vector)) < 4.0 * deviations)
+    found = [entry["values"]["change"]["mean"] for entry in run_values(term, fit, 1.0)]
+    assert found == pytest.approx(np.array(FACTORS[:-1]) - 1.0, abs=1e-2)
+
+
+@pytest.mark.parametrize("factors", [(1.05, 1.0, 1.05, 1.0, 1.0, 1.0), FACTORS])
+def test_the_interval_contains_the_value_of_the_other_runs(factors: tuple[float, ...]) -> None:
+    """Which runs have the usual value is unknown, so each of them has to be possible."""
+    fit = outcome_of(measured("Kt25", factors)).fit
+
+    variances = np.diag(fit.equations.covariance()) + consider_variances(fit, reference_runs(fit))
+    for factor in factors[:-1]:
+        values = MOTOR.vector * np.where(np.array(DECLARED) == "Kt25", factor, 1.0)
+        others = fit.coordinates.of(np.append(values, fit.values[7:]))
+        assert np.all(np.abs(fit.position - others) < 3.0 * np.sqrt(variances))
