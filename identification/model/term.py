@@ -215,7 +215,10 @@ class AbstractVoltage(AbstractTerm):
 class AbstractCoefficient(AbstractTerm):
     """Factor on one coefficient of the nominal equations."""
 
-    coefficient: ClassVar[str]  # Ra, Kt, L, J or b
+    @property
+    @abstractmethod
+    def coefficient(self) -> str:
+        """Ra, Kt, L, J or b."""
 
     @abstractmethod
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
@@ -238,10 +241,7 @@ class AbstractTemperature(AbstractTerm):
         return 0.0
 
     def log_error(self, time: Array) -> Array | None:
-        """(n, n_state) error of the log [K] at times (n,) [s] by a unit of each state.
-
-        None if no state is such an error.
-        """
+        """(n, n_state) error of the log [K] at times (n,) [s] by a unit of each state, or None."""
         return None
 
     @abstractmethod

@@ -6,6 +6,9 @@ usual value is unknown.  The first run may differ from it by as much as the othe
 so the change of the parameters by the root mean square of the differences is one standard deviation
 of an error that joins the intervals.
 
+A difference may also be a temperature dependence that no law describes.  A temperature coefficient
+changes by the difference over the standard deviation of the mean temperatures of the runs.
+
 If some runs have another value than the others, the parameters are those of the others.  The usual
 value is that of the former with a probability of their share among the runs.
 
@@ -16,6 +19,8 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
 from identification.fit.solve import Fit
 from identification.selection.omitted import OmittedTerm
 from identification.surrogates.gain import InEachRun, InSomeRuns, RelativeChange
@@ -25,22 +30,46 @@ __all__ = ["REFERENCE_RUN", "reference_runs"]
 REFERENCE_RUN: Final = "reference_run"
 """Name of the terms."""
 
+_COEFFICIENTS: Final = {"Ra25": "alpha_Ra", "Kt25": "alpha_Kt"}
+
 
 def reference_runs(fit: Fit) -> tuple[OmittedTerm, ...]:
     """Parameter changes if other runs have the usual value; empty if all runs agree."""
-    values = fit.by_name
-    slopes = dict(zip(fit.coordinates.names, fit.coordinates.slopes(fit.position), strict=True))
     found = []
     for term in fit.simulator.model.terms:
         if not isinstance(term, RelativeChange):
             continue
         spread, probability = _difference(term, fit)
-        steps = {
-            name: power * spread * float(values[name] / slopes[name])
-            for name, power in term.powers.items()
-        }
-        found.append(OmittedTerm(REFERENCE_RUN, None, None, steps, possible=probability))
+        values = fit.by_name
+        changes = [{name: power * spread * values[name] for name, power in term.powers.items()}]
+        changes += [
+            {coefficient: spread / scatter, name: -spread / scatter * warmth * values[name]}
+            for name, coefficient in _COEFFICIENTS.items()
+            if name in term.powers
+            for warmth, scatter in [_temperatures(fit)]
+            if scatter > 0.0
+        ]
+        found += [
+            OmittedTerm(REFERENCE_RUN, None, None, _in_search(fit, one), possible=probability)
+            for one in changes
+        ]
     return tuple(found)
+
+
+def _in_search(fit: Fit, changes: dict[str, float]) -> dict[str, float]:
+    """Changes of physical values in search coordinates."""
+    slopes = dict(zip(fit.coordinates.names, fit.coordinates.slopes(fit.position), strict=True))
+    return {name: float(change / slopes[name]) for name, change in changes.items()}
+
+
+def _temperatures(fit: Fit) -> tuple[float, float]:
+    """Mean of the mean temperatures of the runs above 25 degC, and their deviation [K]."""
+    records = fit.simulator.records
+    runs = [
+        np.mean(np.concatenate([one.column("temperature") for one in records if one.run == run]))
+        for run in sorted({record.run for record in records})
+    ]
+    return float(np.mean(runs)) - 25.0, float(np.std(runs))
 
 
 def _difference(term: RelativeChange, fit: Fit) -> tuple[float, float]:

@@ -10,6 +10,7 @@ by two that are absent.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from identification.effects.effect import CampaignScales, Candidate
 from identification.effects.runs import first_of_several
@@ -36,14 +37,12 @@ class _Coefficient(RelativeChange, AbstractCoefficient):
 class _Resistance(_Coefficient):
     equation = "electrical"
     drivers = ("current", "time")
-    coefficient = "Ra"
     powers = {"Ra25": 1.0}  # noqa: RUF012  a constant
 
 
 class _TorqueConstant(_Coefficient):
     equation = "mechanical"
     drivers = ("current", "speed", "time")
-    coefficient = "Kt"
     powers = {"Kt25": 1.0}  # noqa: RUF012  a constant
 
 
@@ -53,6 +52,8 @@ class ResistanceChange(_Resistance, InSomeRuns):
 
     Ra -> Ra (1 + g)   in these runs                                    [ohm]
     """
+
+    coefficient: Literal["Ra"] = "Ra"
 
     @property
     def variant(self) -> str:
@@ -69,6 +70,8 @@ class TorqueConstantChange(_TorqueConstant, InSomeRuns):
 
     Kt -> Kt (1 + g)   in these runs                                    [N m/A]
     """
+
+    coefficient: Literal["Kt"] = "Kt"
 
     @property
     def variant(self) -> str:
@@ -88,6 +91,8 @@ class ResistanceOfRuns(_Resistance, InEachRun):
     g is zero in the first run.
     """
 
+    coefficient: Literal["Ra"] = "Ra"
+
     @property
     def variant(self) -> str:
         return self.in_variant("another resistance")
@@ -106,6 +111,8 @@ class TorqueConstantOfRuns(_TorqueConstant, InEachRun):
 
     g is zero in the first run.
     """
+
+    coefficient: Literal["Kt"] = "Kt"
 
     @property
     def variant(self) -> str:

@@ -44,6 +44,10 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
     CurrentSaturation,
     ViscousFrictionOfRuns,
     DryFrictionOfRuns,
+    ResistanceChange,
+    TorqueConstantChange,
+    ResistanceOfRuns,
+    TorqueConstantOfRuns,
 )
 """Terms that the search tries if no effect of its catalogue explains the residual."""
 
@@ -57,9 +61,5 @@ LAWS: Final[tuple[type[AbstractEffect], ...]] = (
     VoltageGain,
     SensorGainOfRuns,
     VoltageGainOfRuns,
-    ResistanceChange,
-    TorqueConstantChange,
-    ResistanceOfRuns,
-    TorqueConstantOfRuns,
 )
 """Physical laws outside the catalogue that the search tries together with its effects."""

@@ -22,6 +22,7 @@ from identification.surrogates.coefficient import (
     TorqueConstantChange,
     TorqueConstantOfRuns,
 )
+from identification.surrogates.entry import term_of
 from identification.surrogates.gain import InEachRun, InSomeRuns
 from tests.motors import drive, motor_named, run_of
 
@@ -95,3 +96,24 @@ def test_the_interval_contains_the_value_of_the_other_runs(factors: tuple[float,
         values = MOTOR.vector * np.where(np.array(DECLARED) == "Kt25", factor, 1.0)
         others = fit.coordinates.of(np.append(values, fit.values[7:]))
         assert np.all(np.abs(fit.position - others) < 3.0 * np.sqrt(variances))
+
+
+def test_a_change_comes_back_from_a_result() -> None:
+    """The settings name the coefficient, as those of a voltage with another gain do not."""
+    some, each = {"run": 1, "others": [2]}, {"gain_size": 0.03, "first": 0}
+    resistance = {"name": "unlisted", "equation": "electrical"}
+    constant = {"name": "unlisted", "equation": "mechanical"}
+
+    found = [
+        term_of({**resistance, "settings": {**some, "coefficient": "Ra"}}),
+        term_of({**resistance, "settings": {**each, "coefficient": "Ra"}}),
+        term_of({**constant, "settings": {**some, "coefficient": "Kt"}}),
+        term_of({**constant, "settings": {**each, "coefficient": "Kt"}}),
+    ]
+
+    assert found == [
+        ResistanceChange(1, others=(2,)),
+        ResistanceOfRuns(0.03, first=0),
+        TorqueConstantChange(1, others=(2,)),
+        TorqueConstantOfRuns(0.03, first=0),
+    ]
