@@ -179,13 +179,19 @@ def lacks_more(state: State) -> bool:
 
 
 def enrich(state: State) -> None:
-    """Replace effects by extended variants or rival laws, as long as these are accepted."""
-    for found in effects_of(state.current.fit.simulator.model.terms):
+    """Replace effects by extended variants or rival laws, as long as these are accepted.
+
+    The effects have been accepted among all prototypes; a variant is selected among those of the
+    effects alone.
+    """
+    effects = effects_of(state.current.fit.simulator.model.terms)
+    variants = sum(len(found.richer) + len(found.rival_laws) for found in effects)
+    for found in effects:
         left = [*found.richer, *found.rival_laws]
         while left and not state.trials.budget.spent:
             term = left.pop(0)
             richer = state.trials.enriched(state.current, term)
-            criteria = state.trials.criteria(richer, state.current)
+            criteria = richer.criteria(state.current, variants, state.trials.policy)
             is_accepted = criteria.refines
             round_ = max(state.round, 1)
             state.searched.append(
@@ -194,6 +200,7 @@ def enrich(state: State) -> None:
             if is_accepted:
                 rivals = (law for law in left if law in found.rival_laws)
                 state.current, left = richer, [*term.richer, *rivals]
+                variants += len(term.richer)
 
 
 def backward(state: State) -> None:
