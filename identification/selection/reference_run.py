@@ -7,7 +7,8 @@ so the change of the parameters by the root mean square of the differences is on
 of an error that joins the intervals.
 
 A difference may also be a temperature dependence that no law describes.  A temperature coefficient
-changes by the difference over the standard deviation of the mean temperatures of the runs.
+changes by the difference over the standard deviation of the mean temperatures of the runs, at most
+by the standard deviation of its prior.
 
 If some runs have another value than the others, the parameters are those of the others.  The usual
 value is that of the former with a probability of their share among the runs.
@@ -31,24 +32,26 @@ REFERENCE_RUN: Final = "reference_run"
 """Name of the terms."""
 
 _COEFFICIENTS: Final = {"Ra25": "alpha_Ra", "Kt25": "alpha_Kt"}
+"""Temperature coefficient of a parameter."""
 
 
 def reference_runs(fit: Fit) -> tuple[OmittedTerm, ...]:
     """Parameter changes if other runs have the usual value; empty if all runs agree."""
+    values = fit.by_name
     found = []
     for term in fit.simulator.model.terms:
         if not isinstance(term, RelativeChange):
             continue
         spread, probability = _difference(term, fit)
-        values = fit.by_name
         changes = [{name: power * spread * values[name] for name, power in term.powers.items()}]
-        changes += [
-            {coefficient: spread / scatter, name: -spread / scatter * warmth * values[name]}
-            for name, coefficient in _COEFFICIENTS.items()
-            if name in term.powers
-            for warmth, scatter in [_temperatures(fit)]
-            if scatter > 0.0
-        ]
+        warmth, scatter = _temperatures(fit)
+        for name in [name for name in _COEFFICIENTS if name in term.powers]:
+            coefficient = _COEFFICIENTS[name]
+            k = fit.coordinates.names.index(coefficient)
+            slope = float(fit.coordinates.slopes(fit.position)[k] * fit.coordinates.prior_sd[k])
+            if scatter > 0.0:
+                slope = min(slope, spread / scatter)
+            changes.append({coefficient: slope, name: -slope * warmth * values[name]})
         found += [
             OmittedTerm(REFERENCE_RUN, None, None, _in_search(fit, one), possible=probability)
             for one in changes

@@ -37,11 +37,13 @@ OF: dict[str, tuple[type[InSomeRuns], type[InEachRun]]] = {
 }
 
 
-def measured(name: str, factors: tuple[float, ...]) -> list[Run]:
+def measured(
+    name: str, factors: tuple[float, ...], temperatures: tuple[float, ...] = TEMPERATURES
+) -> list[Run]:
     """Six runs, the last one for validation, in which a parameter is multiplied by a factor."""
     rng = np.random.default_rng(11)
     runs = []
-    for degrees, factor in zip(TEMPERATURES, factors, strict=True):
+    for degrees, factor in zip(temperatures, factors, strict=True):
         a, b, c, d, e, f, g = MOTOR.vector * np.where(np.array(DECLARED) == name, factor, 1.0)
         motor = replace(MOTOR, values=(a, b, c, d, e, f, g))
         voltage = drive(MOTOR, "steps", ROWS, rng)
@@ -96,6 +98,21 @@ def test_the_interval_contains_the_value_of_the_other_runs(factors: tuple[float,
         values = MOTOR.vector * np.where(np.array(DECLARED) == "Kt25", factor, 1.0)
         others = fit.coordinates.of(np.append(values, fit.values[7:]))
         assert np.all(np.abs(fit.position - others) < 3.0 * np.sqrt(variances))
+
+
+def test_runs_at_one_temperature_widen_a_coefficient_to_its_prior_at_most() -> None:
+    """The resistance at that temperature is known but for the difference between the runs."""
+    runs = measured("Ra25", FACTORS, (40.0, 40.1, 40.0, 40.1, 40.0, 40.1))
+    fit = outcome_of(runs).fit
+
+    added = np.sqrt(consider_variances(fit, reference_runs(fit)))
+
+    (term,) = effects_of(fit.simulator.model.terms)
+    assert isinstance(term, ResistanceOfRuns)
+    prior = fit.coordinates.prior_sd[1]
+    warm = 15.0 * prior * fit.coordinates.slopes(fit.position)[1]
+    assert added[1] <= prior
+    assert added[0] == pytest.approx(np.hypot(term.gain_size, warm), rel=0.05)
 
 
 def test_a_change_comes_back_from_a_result() -> None:
