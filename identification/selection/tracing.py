@@ -20,6 +20,7 @@ from identification.selection.candidates import scales_of
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.score import Score, gathered
 from identification.selection.screen import screened
+from identification.surrogates.coefficient import CoefficientChange
 from identification.surrogates.curve import AbstractCurve
 from identification.surrogates.unlisted import SURROGATES
 
@@ -48,7 +49,14 @@ class Trace:
 def missing_curves(fit: Fit, policy: SelectionPolicy = DEFAULT) -> list[Score]:
     """Scores of curves, ripples and other unlisted terms, one per structure, best first."""
     scales = replace(scales_of(fit), frequencies=_peaks(fit))
-    candidates = [candidate for kind in SURROGATES for candidate in kind.candidates(scales)]
+    has_thermal = any(term.equation == "thermal" for term in fit.simulator.model.terms)
+    candidates = [
+        candidate
+        for kind in SURROGATES
+        # What an inexact law of the temperature leaves also differs between the runs.
+        if not (has_thermal and issubclass(kind, CoefficientChange))
+        for candidate in kind.candidates(scales)
+    ]
     return gathered(screened(fit, candidates, policy))
 
 

@@ -18,6 +18,7 @@ from identification.model.term import AbstractCoefficient, Expression, Signals, 
 from identification.surrogates.gain import CHANGE, InEachRun, InSomeRuns, RelativeChange
 
 __all__ = [
+    "CoefficientChange",
     "ResistanceChange",
     "ResistanceOfRuns",
     "TorqueConstantChange",
@@ -25,7 +26,7 @@ __all__ = [
 ]
 
 
-class _Coefficient(RelativeChange, AbstractCoefficient):
+class CoefficientChange(RelativeChange, AbstractCoefficient):
     """Factor on a coefficient of the nominal equations."""
 
     source = "Krishnan, Electric Motor Drives (2001), section 2.3"
@@ -34,13 +35,13 @@ class _Coefficient(RelativeChange, AbstractCoefficient):
         return 1 + self.change(signals, states, values)
 
 
-class _Resistance(_Coefficient):
+class _Resistance(CoefficientChange):
     equation = "electrical"
     drivers = ("current", "time")
     powers = {"Ra25": 1.0}  # noqa: RUF012  a constant
 
 
-class _TorqueConstant(_Coefficient):
+class _TorqueConstant(CoefficientChange):
     equation = "mechanical"
     drivers = ("current", "speed", "time")
     powers = {"Kt25": 1.0}  # noqa: RUF012  a constant
