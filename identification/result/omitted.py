@@ -186,7 +186,7 @@ def sample_time_warnings(
         f"which is most for {_most_changed(final, terms)}"
     )
     fix = "log the time of each sample, or let a timer in hardware start the conversions"
-    return [ResultWarning(SAMPLE_TIMES, "warning", message, fix)]
+    return [ResultWarning("sample_times", "warning", message, fix)]
 
 
 def _reference_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
@@ -205,7 +205,7 @@ def _reference_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[Resu
         f"{_most_changed(final, terms)}"
     )
     fix = "find out which run has the usual value, or give --known NAME=VALUE"
-    return [ResultWarning(REFERENCE_RUN, "warning", message, fix)]
+    return [ResultWarning("reference_run", "warning", message, fix)]
 
 
 def _uneven_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:
@@ -219,7 +219,7 @@ def _uneven_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultW
         f"{_most_changed(final, uneven)}"
     )
     fix = "record more steps of the voltage, and check that no command takes effect late"
-    return [ResultWarning(UNEVEN, "warning", message, fix)]
+    return [ResultWarning("uneven_residual", "warning", message, fix)]
 
 
 def surrogate_warnings(final: Fit, omitted: Sequence[OmittedTerm]) -> list[ResultWarning]:

@@ -64,7 +64,7 @@ def _first_crossing(
     return float(high)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=6)
 @given(
     st.lists(stable_loops(), min_size=2, max_size=5).filter(
         lambda x: len({y.numerator.shape for y in x}) == 1
