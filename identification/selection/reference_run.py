@@ -24,7 +24,7 @@ import numpy as np
 
 from identification.fit.solve import Fit
 from identification.selection.omitted import OmittedTerm
-from identification.surrogates.gain import InEachRun, InSomeRuns, RelativeChange
+from identification.surrogates.gain import InEachRun, InSomeRuns
 
 __all__ = ["REFERENCE_RUN", "reference_runs"]
 
@@ -40,7 +40,7 @@ def reference_runs(fit: Fit) -> tuple[OmittedTerm, ...]:
     values = fit.by_name
     found = []
     for term in fit.simulator.model.terms:
-        if not isinstance(term, RelativeChange):
+        if not isinstance(term, InEachRun | InSomeRuns):
             continue
         spread, probability = _difference(term, fit)
         changes = [{name: power * spread * values[name] for name, power in term.powers.items()}]
@@ -75,11 +75,9 @@ def _temperatures(fit: Fit) -> tuple[float, float]:
     return float(np.mean(runs)) - 25.0, float(np.std(runs))
 
 
-def _difference(term: RelativeChange, fit: Fit) -> tuple[float, float]:
+def _difference(term: InEachRun | InSomeRuns, fit: Fit) -> tuple[float, float]:
     """Difference between the runs [-], and the probability that the parameters differ by it."""
     if isinstance(term, InEachRun):
         return term.gain_size, 1.0
-    if not isinstance(term, InSomeRuns):
-        return 0.0, 1.0
     number = len({record.run for record in fit.simulator.records})
     return abs(fit.by_name[f"{term.name}.change"]), len(term.runs) / number

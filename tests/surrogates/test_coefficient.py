@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from identification.effects.effect import effects_of
-from identification.fit.campaign import campaign_of
-from identification.fit.declared import fit_declared
 from identification.ingest import Run
 from identification.result.run_values import run_values
 from identification.selection.omitted import consider_variances
-from identification.selection.outcome import Outcome
 from identification.selection.reference_run import reference_runs
-from identification.selection.search import search
 from identification.surrogates.coefficient import (
     ResistanceChange,
     ResistanceOfRuns,
@@ -25,6 +21,7 @@ from identification.surrogates.coefficient import (
 from identification.surrogates.entry import term_of
 from identification.surrogates.gain import InEachRun, InSomeRuns
 from tests.motors import drive, motor_named, run_of
+from tests.surrogates.searched import outcome_of
 
 MOTOR = motor_named("servo 100 W")
 ROWS, NOISE = 1500, 0.003
@@ -52,12 +49,6 @@ def measured(
         current = run.current + noise[0] * run.current.std()
         runs.append(replace(run, current=current, speed=run.speed + noise[1] * run.speed.std()))
     return runs
-
-
-def outcome_of(runs: list[Run]) -> Outcome:
-    """Outcome of the search with the last run for validation."""
-    campaign = campaign_of(runs[:-1], runs[-1:])
-    return search(fit_declared(campaign.training, "zoh"), campaign)
 
 
 @pytest.mark.parametrize(("name", "change"), [("Ra25", 0.08), ("Kt25", -0.03)])
@@ -90,7 +81,7 @@ def test_another_value_in_each_run_is_a_value_of_each_run(name: str) -> None:
 
 @pytest.mark.parametrize("factors", [(1.05, 1.0, 1.05, 1.0, 1.0, 1.0), FACTORS])
 def test_the_interval_contains_the_value_of_the_other_runs(factors: tuple[float, ...]) -> None:
-    """Which runs have the usual value is unknown, so each of them has to be possible."""
+    """Any run may have the usual value, so the interval has to contain that of each of them."""
     fit = outcome_of(measured("Kt25", factors)).fit
 
     variances = np.diag(fit.equations.covariance()) + consider_variances(fit, reference_runs(fit))

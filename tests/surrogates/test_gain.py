@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 from identification.effects.effect import effects_of
-from identification.fit.campaign import campaign_of
-from identification.fit.declared import fit_declared
 from identification.ingest import Run
 from identification.model.term import Channel
 from identification.result.run_values import run_values
-from identification.selection.outcome import Outcome
-from identification.selection.search import search
 from identification.surrogates.entry import term_of
 from identification.surrogates.gain import (
     SensorGain,
@@ -23,6 +19,7 @@ from identification.surrogates.gain import (
     VoltageGainOfRuns,
 )
 from tests.motors import drive, motor_named, run_of
+from tests.surrogates.searched import outcome_of
 
 MOTOR = motor_named("servo 100 W")
 ROWS, NOISE = 1500, 0.003
@@ -40,12 +37,6 @@ def measured() -> list[Run]:
         current = run.current + noise[0] * run.current.std()
         runs.append(replace(run, current=current, speed=run.speed + noise[1] * run.speed.std()))
     return runs
-
-
-def outcome_of(runs: list[Run]) -> Outcome:
-    """Outcome of the search with the last run for validation."""
-    campaign = campaign_of(runs[:-1], runs[-1:])
-    return search(fit_declared(campaign.training, "zoh"), campaign)
 
 
 @pytest.mark.parametrize(
