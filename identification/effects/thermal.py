@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import casadi as ca
 import numpy as np
@@ -170,7 +170,12 @@ class ResistanceCurvature(AbstractEffect, AbstractCoefficient):
     """Second-order term in the temperature dependence of the resistance.
 
     Ra = Ra25 (1 + alpha_Ra (T - 25) + c (T - 25)^2)                    [ohm]
+
+    The extended variant adds a third-order term k (T - 25)^3.
     """
+
+    order: Literal[2, 3] = 2
+    """Highest order."""
 
     name = "resistance_curvature"
     confusions = (RESISTANCE,)
@@ -178,16 +183,34 @@ class ResistanceCurvature(AbstractEffect, AbstractCoefficient):
     drivers = ("temperature",)
     source = "IEC 60751 (second-order law of metal resistance)"
     coefficient = "Ra"
-    parameters = (
-        Parameter(
+
+    @property
+    def variant(self) -> str:
+        return "third order" if self.order > 2 else ""
+
+    @property
+    def richer(self) -> tuple[ResistanceCurvature, ...]:
+        """The variant with a third-order term."""
+        return (replace(self, order=3),) if self.order == 2 else ()
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        second = Parameter(
             "curvature", "1/K^2", "second-order coefficient of the resistance", scale=5e-6,
             lower=-1e-4, upper=1e-4, prior_sd=5.0,
-        ),
-    )  # fmt: skip
+        )  # fmt: skip
+        third = Parameter(
+            "third_order", "1/K^3", "third-order coefficient of the resistance", scale=5e-8,
+            lower=-1e-6, upper=1e-6, prior_sd=5.0,
+        )  # fmt: skip
+        return (second, third)[: self.order - 1]
 
     def factor(self, signals: Signals, states: Values, values: Values) -> Expression:
         rise = signals.winding_temperature - 25
-        return 1 + values.curvature * rise**2 / (1 + values.alpha_Ra * rise)
+        added = values.curvature * rise**2
+        if self.order > 2:
+            added = added + values.third_order * rise**3
+        return 1 + added / (1 + values.alpha_Ra * rise)
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -85,16 +86,21 @@ def warming(motor: Motor, share: float, surroundings: float, seed: int, rows: in
     return dataclasses.replace(run, current=read[:, 0], speed=read[:, 1])
 
 
+def with_effect(name: str, runs: Sequence[Run]) -> tuple[Trials, EvaluatedModel, EvaluatedModel]:
+    """The nominal model of the runs and that with an effect."""
+    split = campaign_of(runs, ())
+    trials = Trials(split)
+    declared = trials.evaluate(fit_declared(split.training, "zoh"))
+    score = next(s for s in trials.scores(declared) if s.candidate.term.name == name)
+    (model,) = trials.finish_best(declared, trials.refits(declared, [score]))
+    return trials, declared, model
+
+
 def heated(share: float) -> tuple[Trials, EvaluatedModel, EvaluatedModel]:
     """Three runs of a motor with such a magnet, its nominal model and that with self-heating."""
     motor = motor_named("ferrite 50 W")
     runs = [warming(motor, share, 25.0 + 30.0 * k, seed=k) for k in range(3)]
-    split = campaign_of(runs, ())
-    trials = Trials(split)
-    declared = trials.evaluate(fit_declared(split.training, "zoh"))
-    score = next(s for s in trials.scores(declared) if s.candidate.term.name == "self_heating")
-    (model,) = trials.finish_best(declared, trials.refits(declared, [score]))
-    return trials, declared, model
+    return with_effect("self_heating", runs)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.8])
@@ -120,3 +126,32 @@ def test_the_fit_of_a_warm_magnet_starts_from_a_cool_one() -> None:
     start = refitted_as(model.fit, warm, TerminationLimits(0))
 
     assert start.cost == pytest.approx(model.fit.cost, abs=1.0)
+
+
+def at_temperature(degrees: float, third: float, rng: np.random.Generator) -> Run:
+    """Run at a constant temperature with a resistance of second and third order."""
+    motor, rows = motor_named("servo 100 W"), 800
+    rise = degrees - 25.0
+    ra, alpha_ra, kt, alpha_kt, *mechanical = motor.values
+    warm = ra * (1.0 + alpha_ra * rise + 4e-6 * rise**2 + third * rise**3)
+    own = np.array([warm, 0.0, kt * (1.0 + alpha_kt * rise), 0.0, *mechanical])
+    voltage = drive(motor, "steps", rows, rng)
+    read = simulated(own, motor.interval, voltage, np.full(rows, 25.0), np.zeros(2))
+    read = read + 0.003 * read.std(axis=0) * rng.standard_normal(read.shape)
+    run = run_of(motor, voltage, np.full(rows, degrees), np.zeros(2), name=f"{degrees:.0f}.csv")
+    return dataclasses.replace(run, current=read[:, 0], speed=read[:, 1])
+
+
+@pytest.mark.parametrize("third", [0.0, -4e-8])
+def test_a_third_order_of_the_resistance_is_found_where_there_is_one(third: float) -> None:
+    """Without it, the coefficients of first and second order would be wrong."""
+    rng = np.random.default_rng(5)
+    runs = [at_temperature(degrees, third, rng) for degrees in (5, 30, 55, 80, 105, 130)]
+    state = State(*with_effect("resistance_curvature", runs))
+
+    enrich(state)
+
+    found = state.current.fit.by_name
+    assert found["alpha_Ra"] == pytest.approx(motor_named("servo 100 W").values[1], rel=0.02)
+    assert ("resistance_curvature.third_order" in found) is (third != 0.0)
+    assert found.get("resistance_curvature.third_order", 0.0) == pytest.approx(third, abs=5e-9)
