@@ -54,8 +54,6 @@ CHANNELS = ("current", "speed")
 Errors = dict[str, dict[str, float | None]]
 
 _BEYOND_NOISE: Final = 2.0
-_GROSS = 1.5
-"""Noise ratio above which autocorrelated noise cannot explain the error [-]."""
 
 
 @dataclass(frozen=True)
@@ -163,11 +161,10 @@ class ResidualAnalysis:
     def noise(self) -> Array:
         """(2,) standard deviation of the noise of current and speed [A, rad/s].
 
-        The base estimate is the RMS residual of the training runs.  If it is larger than
-        autocorrelated noise can explain, the estimate with the missing voltage and torque removed
-        replaces it, because unexplained structure is not noise.  A slightly larger residual still
-        counts as noise, because slow sensor noise and a fluctuating voltage can look alike.  If the
-        missing terms were not estimated, the base estimate is `noise_deviation` of the final fit.
+        The base estimate is the RMS residual of the training runs.  If it is larger than noise can
+        explain, also autocorrelated noise, the estimate with the missing voltage and torque removed
+        replaces it, because unexplained structure is not noise.  If the missing terms were not
+        estimated, the base estimate is `noise_deviation` of the final fit.
 
         Outlying runs are excluded.  For a poorly simulated channel, the noise is bounded by the
         part of the channel that the other channels of the run cannot explain, so that a model that
@@ -181,7 +178,7 @@ class ResidualAnalysis:
         noise = error.copy()
         for k, channel in enumerate(CHANNELS):
             checks = self.after.of(channel, "training")
-            if any(check.is_too_large and check.noise_ratio > _GROSS for check in checks):
+            if any(check.is_too_large for check in checks):
                 noise[k] = min(noise[k], self.left.noise[k])
         return bounded_noise(
             self.campaign.training, noise_without_outlying_runs(training, noise), error

@@ -8,6 +8,7 @@ import numpy as np
 
 from identification import FitOptions, identify
 from identification.diagnosis.localise import localise
+from identification.diagnosis.outliers import root_mean_square
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
 from identification.ingest.run import Run
@@ -51,6 +52,22 @@ def test_a_speed_of_another_recording_is_not_explained() -> None:
     assert list(missed) == ["speed"]
     assert missed["speed"]["noise_ratio"] is not None
     assert missed["speed"]["noise_ratio"] < 2.0
+
+
+def test_a_small_missing_effect_is_no_noise() -> None:
+    """One run with 1 % more Kt raises the error by 10 to 20 %; the estimate of the noise stays."""
+    motor = motor_named("servo 100 W")
+    ra, alpha_ra, kt, *others = motor.values
+    odd = replace(motor, values=(ra, alpha_ra, 1.01 * kt, *others))
+    runs = [*RUNS[:1], *campaign(odd, seed=4)[1:2], *RUNS[2:]]
+    analysis = _analysis(runs)
+
+    noise = 0.01 * np.array(
+        [np.std(np.concatenate([getattr(r, name) for r in runs])) for name in ("current", "speed")]
+    )
+    error = root_mean_square(analysis.simulated["after"]["training"])
+    assert np.all(error > 1.1 * noise)
+    np.testing.assert_allclose(analysis.noise, noise, rtol=0.02)
 
 
 def test_white_noise_larger_than_the_speed_is_explained() -> None:
