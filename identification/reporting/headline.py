@@ -127,12 +127,13 @@ def _with_equals(effect: Entry) -> str:
 def effect_tiles(data: ReportData) -> list[Entry]:
     """Effects of the final model in words, strongest evidence first, with what they explain.
 
-    `term` is the missing voltage or torque against its driver, `trace` that over time; None if not
-    computed.
+    `is_certain` is true of the effects that the first sentence attributes to the motor.  `term` is
+    the missing voltage or torque against its driver, `trace` that over time; None if not computed.
     """
-    account = data.account or SearchAccount()
+    account, certain = data.account or SearchAccount(), certain_effects(data.result)
     return [
         dict(
+            is_certain=effect in certain,
             name=effect_words(effect["name"]).capitalize(),
             place=_place(effect),
             probability=effect_probability(effect),

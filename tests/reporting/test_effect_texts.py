@@ -43,6 +43,20 @@ def test_the_alternatives_of_such_an_effect_have_no_probability_either() -> None
     assert (tile["probability"], tile["alternatives"]) == ("not applicable", "viscous temperature")
 
 
+def test_the_tile_of_a_surrogate_is_no_claim() -> None:
+    """An effect of the motor has a certain tile, a surrogate has not."""
+    report = make_report(rows=300, with_effect=True)
+    (certain,) = effect_tiles(report)
+    report.result["effects"][0] |= {
+        "probability": 0.06,
+        "alternatives": [{"name": "unlisted", "probability": 0.94}],
+    }
+
+    (tile,) = effect_tiles(report)
+
+    assert (certain["is_certain"], tile["is_certain"]) == (True, False)
+
+
 def test_effects_that_the_runs_do_not_separate_are_named_together(result: dict[str, Any]) -> None:
     """In one direction, Coulomb friction and a load are the same constant torque."""
     result["effects"][0]["probability"] = 0.499
