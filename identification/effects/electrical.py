@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Self
 
 import casadi as ca
 import numpy as np
@@ -147,13 +147,16 @@ class _Saturation(AbstractEffect, AbstractCoefficient):
     """Saturation of a coefficient x by the magnitude of the current, even in the current.
 
         x -> x (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))
+        x -> x (s + (1 - s) exp(-c / (1 - s) (|i| / i_0)^n))
 
-    s is the fraction that does not saturate.  For small currents the relative fall is
+    s is the fraction that does not saturate.  For small currents the relative fall of both laws is
     c (|i| / i_0)^n, whatever s.
     """
 
     reference: float
-    """Current i_0 at which the factor is 1 / (1 + c) if s is zero [A]."""
+    """Current i_0 at which the factor is 1 / (1 + c), or exp(-c), if s is zero [A]."""
+    is_exponential: bool = False
+    """True for the second law."""
 
     equation = "electrical"
     drivers = ("current",)
@@ -161,6 +164,15 @@ class _Saturation(AbstractEffect, AbstractCoefficient):
     most: ClassVar[float]
     width: ClassVar[float]
     lasting: ClassVar[Parameter]
+
+    @property
+    def variant(self) -> str:
+        return "exponential" if self.is_exponential else ""
+
+    @property
+    def rival_laws(self) -> tuple[Self, ...]:
+        """The other law."""
+        return (replace(self, is_exponential=not self.is_exponential),)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -185,7 +197,8 @@ class _Saturation(AbstractEffect, AbstractCoefficient):
         ratio = current / self.reference
         size = ratio * ratio + 1e-4
         relative = fall / (1 - lasting) * ca.exp(0.5 * exponent * ca.log(size))
-        return lasting + (1 - lasting) / (1 + relative)
+        left = ca.exp(-relative) if self.is_exponential else 1 / (1 + relative)
+        return lasting + (1 - lasting) * left
 
 
 @register
@@ -194,6 +207,7 @@ class FluxSaturation(_Saturation):
     """Armature reaction: Kt falls with the magnitude of the current, as the field weakens.
 
         Kt -> Kt (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))            [N m/A]
+        Kt -> Kt (s + (1 - s) exp(-c / (1 - s) (|i| / i_0)^n))              [N m/A]
 
     The fall is even in the current and instantaneous, unlike demagnetisation.  The fraction s of
     Kt remains once the poles that face the armature current are saturated.
@@ -224,6 +238,7 @@ class InductanceSaturation(_Saturation):
     """Saturation of the iron: L falls with the magnitude of the current.
 
         L -> L (s + (1 - s) / (1 + c / (1 - s) (|i| / i_0)^n))              [H]
+        L -> L (s + (1 - s) exp(-c / (1 - s) (|i| / i_0)^n))                [H]
 
     The fraction s belongs to the leakage flux, whose path is in air and does not saturate.
     """

@@ -57,8 +57,8 @@ def test_a_speed_of_another_recording_is_not_explained() -> None:
 def test_a_small_missing_effect_is_no_noise() -> None:
     """One run with 1 % more Kt raises the error by 10 to 20 %; the estimate of the noise stays."""
     motor = motor_named("servo 100 W")
-    ra, alpha_ra, kt, *others = motor.values
-    odd = replace(motor, values=(ra, alpha_ra, 1.01 * kt, *others))
+    ra, alpha_ra, kt, alpha_kt, j, b, inductance = motor.values
+    odd = replace(motor, values=(ra, alpha_ra, 1.01 * kt, alpha_kt, j, b, inductance))
     runs = [*RUNS[:1], *campaign(odd, seed=4)[1:2], *RUNS[2:]]
     analysis = _analysis(runs)
 
