@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.ingest.devices import DEVICE_UNITS, NAMES, device, text
-from tests.ingest.writers import RECORD, Specimen, mat, rows
+from tests.ingest.writers import RECORD, XLSX, Specimen, mat, rows, workbook
 
 __all__ = ["EPOCH_NS", "PROGRAMS", "epoch"]
 
@@ -57,7 +57,84 @@ def _influx() -> str:
     return "\r\n".join(lines)
 
 
+def _controldesk(name: str, path: str) -> dict[str, object]:
+    """A recording of ControlDesk: axes X and curves Y, which state the number of their axis.
+
+    The names of the curves and of their paths are forms of the name of the channel.
+    """
+    x = {"Name": "", "Type": "time", "Unit": "s", "Raster": "HostService"}
+    axes = [{**x, "Data": _MATRIX[0][::5]}, {**x, "Data": _MATRIX[0]}]
+    curves = [
+        {
+            "Name": name.format(channel),
+            "Path": path.format(channel),
+            "Unit": unit,
+            "XIndex": 2.0,
+            "Data": values,
+        }
+        for (channel, unit), values in zip(_UNITS, _MATRIX[1:], strict=True)
+    ]
+    return {"run_001": {"X": axes, "Y": curves, "Capture": "HostService", "Info": "bench 3"}}
+
+
+def _catman() -> dict[str, object]:
+    """Channels of catman: a vector, and a struct with its name and unit."""
+    names = [("Time  1 - default sample rate", "s"), *_UNITS]
+    found: dict[str, object] = {"File_Header": {"NumberOfChannels": "5", "Comment": ""}}
+    for k, ((name, unit), values) in enumerate(zip(names, _MATRIX, strict=True), 1):
+        found[f"Channel_{k}_Header"] = {"SignalName": name, "Unit": unit, "MaxLevel": "10"}
+        found[f"Channel_{k}_Data"] = values[:, None]
+    return found
+
+
+def _inspector(*, grouped: bool) -> list[list[object]]:
+    """Rows of the Simulation Data Inspector: names, a label in each cell below, samples.
+
+    The time is in seconds without a unit; with `grouped`, it is repeated in front of the current.
+    """
+    names = ["time", *NAMES]
+    labels: dict[str, list[str]] = {
+        "Type: ": ["double"] * 4,
+        "Unit: ": list(DEVICE_UNITS),
+        "Interp: ": ["zoh", "linear", "linear", "linear"],
+        "BlockPath: ": [f"motor/{name}" for name in NAMES],
+        "PortIndex: ": ["1"] * 4,
+    }
+    lines: list[list[object]] = [list(names)]
+    lines += [["", *(key + each for each in values)] for key, values in labels.items()]
+    lines += rows()
+    if not grouped:
+        return lines
+    return [[*line[:2], line[0], *line[2:]] for line in lines]
+
+
 PROGRAMS = (
+    device(
+        "inspector.csv",
+        "Simulation Data Inspector, two columns of times",
+        text((), _inspector(grouped=True)),
+    ),
+    Specimen(
+        "inspector.xlsx",
+        "Simulation Data Inspector, a workbook",
+        lambda p: workbook(p, {"Run 1": _inspector(grouped=False)}),
+        XLSX,
+    ),
+    Specimen(
+        "controldesk.mat",
+        "dSPACE ControlDesk, a recording with two rasters",
+        lambda p: mat(p, _controldesk("{}", "Platform()://Motor/{}")),
+    ),
+    Specimen(
+        "ports.mat",
+        "dSPACE ControlDesk, ports of one name, told apart by their paths",
+        lambda p: mat(p, _controldesk("Out1", "Platform()://{}/Out1")),
+        mapping={
+            channel: {"column": f"Platform()://{name}/Out1"}
+            for channel, name in zip([*RECORD][1:], NAMES, strict=True)
+        },
+    ),
+    Specimen("catman.mat", "catman, a struct beside each channel", lambda p: mat(p, _catman())),
     device(
         "twincat_units.csv",
         "TwinCAT with the unit beside each channel",

@@ -3,14 +3,17 @@
 struct with fields that are vectors               a table; units in a field ``unit`` or ``units``
 struct with ``time`` and ``signals``              a log of Simulink, "structure with time"
 struct with ``Time`` and ``Data``                 an exported timeseries: one signal
+struct with ``X`` and ``Y``                       a recording of dSPACE ControlDesk
+``Channel_1_Data`` beside ``Channel_1_Header``    a channel of catman with its name and unit
 vectors beside a number ``Tinterval``             a table, with the clock of a PicoScope
 matrix ``yout``                                   the columns ``yout_1``, ``yout_2``, ...
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Final, TypeAlias
 
@@ -153,6 +156,10 @@ class _Walk:
             signal = self._signal(named, unit or _unit(node) or data.unit, time, data)
             self.signals.setdefault(group or _TOP, []).append(signal)
             return
+        curves = _curves(node.get(keys.get("y", "")))
+        if recorded := list(self._recorded(_curves(node.get(keys.get("x", ""))), curves)):
+            self.signals.setdefault(path or _TOP, []).extend(recorded)
+            return
         is_long = roles_of(list(node)) is not None
         vectors = {
             name: child
@@ -167,16 +174,22 @@ class _Walk:
             for k, vector in enumerate(child.vectors(), 1)
         }
         if len(vectors) > 1:
-            self.tables[path or _TOP] = self._table(vectors, _units(node))
+            self.tables[path or _TOP] = self._table(vectors, _units(node), _headers(node))
         for name, child in node.items():
             self.visit(f"{path}.{name}" if path else name, child, depth + 1)
 
-    def _table(self, vectors: Mapping[str, Leaf], units: Mapping[str, Node]) -> ColumnTable:
+    def _table(
+        self,
+        vectors: Mapping[str, Leaf],
+        units: Mapping[str, Node],
+        headers: Mapping[str, tuple[str, str]],
+    ) -> ColumnTable:
         columns, leaves = [], list(vectors.values())
         for index, (name, leaf) in enumerate(vectors.items()):
             unit = units.get(name)
             text = unit if isinstance(unit, str) else leaf.unit
-            columns.append(describe_column(index, [name], [text]))
+            title, stated = headers.get(name, ("", ""))
+            columns.append(describe_column(index, [title, name], [stated or text]))
         return ColumnTable(columns, lambda column: self._vector(leaves[column.index]))
 
     def _logged(self, time: Leaf, signals: Node) -> Iterator[Signal]:
@@ -193,6 +206,21 @@ class _Walk:
                 for k in range(values.shape[1]):
                     leaf = Leaf((time.length,), partial(values.column, k))
                     yield self._signal(f"{name}({k + 1})", _unit(entry), time, leaf)
+
+    def _recorded(self, axes: list[_Curve], curves: list[_Curve]) -> Iterator[Signal]:
+        """Signals of a recording, each with the axis whose number, from 1, it states."""
+        titles = Counter(curve.name for curve in curves)
+        for curve in curves:
+            number = 1 if len(axes) == 1 else curve.axis
+            if not 1 <= number <= len(axes):
+                continue
+            time = axes[number - 1]
+            if time.unit in ("", "s") and time.data.length == curve.data.length > 0:
+                signal = self._signal(curve.name, curve.unit, time.data, curve.data)
+                # The ports of different blocks have one name.
+                is_repeated = titles[curve.name] > 1 and curve.path
+                names = (curve.path, curve.name) if is_repeated else signal.names
+                yield replace(signal, names=names)
 
     def _signal(self, name: str, unit: str, time: Leaf, data: Leaf) -> Signal:
         # Simulink counts the times of a log in seconds.
@@ -220,6 +248,45 @@ class _Walk:
             f"; {listed} cannot be read outside MATLAB; save a struct of vectors there: "
             + " or ".join(list(commands)[:2])
         )
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """Axis or curve of a recording of dSPACE."""
+
+    name: str
+    path: str
+    unit: str
+    data: Leaf
+    axis: int
+    """Number of its axis, from 1; 0 where none is stated."""
+
+
+def _curves(node: Node | None) -> list[_Curve]:
+    """Elements ``X`` or ``Y`` of a recording; empty if one of them is no curve."""
+    found = []
+    for entry in node if isinstance(node, list) else [node]:
+        fields = {k.casefold(): v for k, v in entry.items()} if isinstance(entry, Mapping) else {}
+        data = fields.get("data")
+        # Two timeseries x and y have times of their own.
+        if not isinstance(data, Leaf) or "time" in fields:
+            return []
+        name, path = (v if isinstance(v := fields.get(k), str) else "" for k in ("name", "path"))
+        axis = number_of(fields.get("xindex"))
+        number = int(axis) if axis.is_integer() else 0
+        found.append(_Curve(name.strip(), path.strip(), _unit(fields), data, number))
+    return found
+
+
+def _headers(node: Mapping[str, Node]) -> dict[str, tuple[str, str]]:
+    """Name and unit of the vectors that have a struct with them beside, as catman saves them."""
+    found = {}
+    for key, header in node.items():
+        stem, end, rest = key.partition("_Header")
+        if end and not rest and isinstance(header, Mapping):
+            name = header.get("SignalName")
+            found[f"{stem}_Data"] = (name if isinstance(name, str) else "", _unit(header))
+    return found
 
 
 def _clock(

@@ -29,6 +29,7 @@ from identification.ingest.columns import Column, describe_column
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.names import LONGEST_CELL, is_channel_name, is_units_row
 from identification.ingest.text.cells import is_number, number_text, split_cells
+from identification.ingest.text.labelled import Line, without_labels
 from identification.ingest.text.twincat import scope_rows
 
 __all__ = ["KEYS", "HeaderRows", "Line", "Preamble", "keyed_rows", "read_preamble"]
@@ -59,14 +60,6 @@ _LABVIEW_TIME = "x_value"
 _CLOCK = re.compile(r"|comment|start|increment|(?P<key>t0|tinc) *= *(?P<number>\S+?)s?", re.I)
 
 
-@dataclass(frozen=True)
-class Line:
-    """One line of the preview: its line number in the file and its text."""
-
-    number: int
-    text: str
-
-
 class HeaderRows:
     """Search for the header rows above samples of known delimiter and number of cells."""
 
@@ -89,6 +82,7 @@ class HeaderRows:
             RunFileError: The header has another number of cells than the samples, one of its cells
                 is too long, or a line between names and samples is a damaged sample.
         """
+        lines = without_labels(lines, self._delimiter)
         rows = self._collect(lines) or self._collect(comments)
         if not rows and not names:
             self._refuse_ragged(lines)
