@@ -250,6 +250,7 @@ def stamped(form: str, delimiter: str = ",") -> str:
 CLOCKS = (
     device("iso.csv", "ISO dates", stamped("2026-03-01T08:00:00.{}Z")),
     device("zone.csv", "ISO dates with a zone", stamped("2026-03-01 08:00:00.{}+01:00")),
+    device("tabs.txt", "dates between tabs", stamped("2026-03-01 08:00:00.{}", "\t")),
     device("clock.csv", "times of day", stamped("23:59:59.{}")),
     device("datum.csv", "German dates", stamped("01.03.2026 08:00:00,{}", ";")),
     device("slashes.csv", "dates of unknown order", stamped("03/01/2026 08:00:00.{}")),

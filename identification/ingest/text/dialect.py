@@ -276,7 +276,9 @@ def _label(rows: list[list[str]]) -> str:
     """Text in front of most lines, such as the name of a device; blank if there is none."""
     firsts = Counter(cells[0] for cells in rows if len(cells) > 1)
     text, count = firsts.most_common(1)[0] if firsts else ("", 0)
-    return text if 2 * count > len(rows) and not is_number(text) else ""
+    # A blank between date and time does not divide the lines of a table.
+    is_value = is_number(text) or is_clock(text)
+    return text if 2 * count > len(rows) and not is_value else ""
 
 
 def _share_of_numbers(cells: list[str], is_value: Callable[[str], bool], label: str) -> float:
