@@ -15,7 +15,13 @@ from identification.ingest.columns import (
 )
 from identification.ingest.display import listed, plain, quoted
 from identification.ingest.mapping import ROW
-from identification.ingest.names import is_direction, is_sample_number, is_setpoint, similar_to
+from identification.ingest.names import (
+    is_direction,
+    is_sample_number,
+    is_setpoint,
+    is_supply,
+    similar_to,
+)
 from identification.ingest.units import canonical_unit, find_unit
 
 __all__ = ["missing_columns"]
@@ -27,6 +33,10 @@ _MEASURED = frozenset(_GAINS)
 
 _NUMBER = re.compile(r".*\d(?:v|\.\w+/.*)?|(?:channel|kanal) [a-h]", re.IGNORECASE)
 """Names of numbered channels, or with a numbered file in front, such as ``C1.csv/Ampl``."""
+
+
+_ALARM = re.compile(r"al(?:ar)?m\b|event|status", re.IGNORECASE)
+"""Beginning of names of alarms and states beside numbered channels."""
 
 
 def missing_columns(
@@ -55,12 +65,13 @@ def missing_columns(
         }
     ]
     hint, derived = _derivations(names, free)
+    hint += _of_supply(similar.get("voltage_V", []))
     if similar.get("voltage_V") == [] and not any("voltage_V" in each for each in derived):
         hint += " (a voltage that was constant during the whole run is a number)"
         derived.append({"voltage_V": {"value": "VOLTS"}})
     signals = [column for column in free if "time" not in column.quantities]
     lacking = [name for name in names if name in _MEASURED and not similar[name]]
-    if 1 in (len(numbered), len(signals)) and lacking:
+    if 1 in (len(numbered), len(signals)) and len(lacking) > 1:
         hint += (
             "; join the files of a device that writes one for each channel with `motorid join FILE "
             "FILE FILE --out run.csv`"
@@ -75,6 +86,13 @@ def missing_columns(
         column=names[0],
         examples=[*examples, *derived],
     )
+
+
+def _of_supply(near: Sequence[Column]) -> str:
+    """Remark on the voltages of a supply that are proposed for want of one at the motor."""
+    if not near or not all(any(map(is_supply, column.texts)) for column in near):
+        return ""
+    return f" ({quoted(near[0].title)} is that of the motor only without a chopper between them)"
 
 
 _NO_CURRENT = (
@@ -95,6 +113,7 @@ def _derivations(names: Sequence[str], free: Sequence[Column]) -> tuple[str, lis
         hint += " (samples at a fixed rate have the time row / rate)"
         examples.append({"time_s": {"column": ROW, "scale": "SECONDS_PER_SAMPLE"}})
     duties = [c for c in free if may_be_duty(c)] if "voltage_V" in names else []
+    duties.sort(key=lambda column: "duty" not in column.quantities)
     if duties:
         hint += (
             f" (the voltage may be {quoted(duties[0].title)} times a column of the bus voltage, "
@@ -144,13 +163,14 @@ def _numbered(columns: Sequence[Column]) -> list[Column]:
     """Columns in volts, or without a unit and with a number in the name, such as CH1.
 
     An oscilloscope or a logger writes them without the name of a channel.  Columns without a name
-    have their number where no other column has one, except the time.
+    have their number where no other column has one, except the time.  Alarms have numbers, too.
     """
     is_named = any(column.texts and "time" not in column.quantities for column in columns)
     return [
         column
         for column in columns
         if not column.quantities
+        and not any(map(_ALARM.match, column.texts))
         and not any(is_setpoint(t) or similar_to(t, "temperature") for t in column.texts)
         and not any(similar_to(t, q) for t in column.texts for q in ("current", "speed"))
         and (

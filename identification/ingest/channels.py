@@ -120,9 +120,7 @@ def assign_channels(
         missing.remove("speed_rad_s")
     if "voltage_V" in missing or is_product:
         earlier = len(errors)
-        factors: dict[str, Channel] = {}
-        with collected(errors):
-            factors = _factors(mapping, found, free)
+        factors = _factors(mapping, found, free, errors)
         found |= factors
         if factors or len(errors) > earlier:
             missing = [name for name in missing if name != "voltage_V"]
@@ -210,26 +208,33 @@ def _is_product(mapping: Mapping[str, ChannelMapping]) -> bool:
 
 
 def _factors(
-    mapping: Mapping[str, ChannelMapping], mapped: Mapping[str, Channel], free: Sequence[Column]
+    mapping: Mapping[str, ChannelMapping],
+    mapped: Mapping[str, Channel],
+    free: Sequence[Column],
+    errors: list[RunFileError],
 ) -> dict[str, Channel]:
     """Duty and bus voltage, whose product is the voltage; empty if one of them has no column.
 
-    Raises:
-        RunFileError: One is ambiguous or has no valid unit, or the mapping gives one alone.
+    One that is ambiguous, or without a valid unit, and one that the mapping gives alone are errors.
     """
     free_names = [name for name in FACTOR_QUANTITIES if name not in mapping]
-    candidates = {name: _candidates(name, free) for name in free_names}
+    candidates: dict[str, list[Column]] = {}
+    for name in free_names:
+        with collected(errors):
+            candidates[name] = _candidates(name, free)
     absent = [name for name, columns in candidates.items() if not columns]
     if absent and _is_product(mapping):
-        raise MissingColumn(
+        error = MissingColumn(
             f"no column for {absent[0]}, and the mapping gives the voltage as duty times bus "
             "voltage; map both",
             column=absent[0],
             examples=[example(absent[0], None)],
         )
+        errors.append(error)
     found = {name: mapped[name] for name in FACTOR_QUANTITIES if name in mapped}
-    if not absent:
-        found |= {name: _unambiguous(name, columns) for name, columns in candidates.items()}
+    for name, columns in candidates.items() if not absent else ():
+        with collected(errors):
+            found[name] = _unambiguous(name, columns)
     return found if len(found) == len(FACTOR_QUANTITIES) else {}
 
 
@@ -325,7 +330,10 @@ def header_unit(name: str, column: Column) -> Unit:
             f"the column may be {' or '.join(possible)}, but has no unit; write one of {units} in "
             "the header",
             column=column.label,
-            examples=[example(n, column) for n in possible],
+            examples=[
+                *(example(n, column) for n in possible),
+                *([{name: None}] if both == [name] else []),
+            ],
         )
     unit = column.unit
     if unit is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,8 @@ from identification.ingest.display import plain, quoted
 from identification.ingest.mapping import OPTIONAL_CHANNELS
 from identification.ingest.names import (
     is_setpoint,
+    is_shunt,
+    is_supply,
     is_units_row,
     read_header,
     similar_to,
@@ -22,6 +25,7 @@ from identification.ingest.units import (
     canonical_unit,
     find_unit,
     unit_in_another_case,
+    unit_since_1970,
 )
 
 __all__ = [
@@ -57,6 +61,8 @@ class Column:
     """Canonical channel name if the header is exactly that name."""
     attenuation: float = 1.0
     """Probe attenuation that the device states, and has multiplied the cells by [-]."""
+    first: float = math.nan
+    """First cell of a column of times, for messages; NaN where it is not known."""
 
     @property
     def title(self) -> str:
@@ -135,14 +141,20 @@ def describe_column(index: int, names: Sequence[str], units: Sequence[str] = ())
 def similar_columns(name: str, columns: Sequence[Column]) -> list[Column]:
     """Columns that resemble the channel; for messages only."""
     quantity = CHANNEL_QUANTITIES[name]
-    is_chopped = any("duty" in column.quantities for column in columns)
-    kin = {quantity} if name != "voltage_V" or is_chopped else {quantity, "bus voltage"}
-    return [
+    kin = {quantity} if name != "voltage_V" else {quantity, "bus voltage"}
+    near = [
         column
         for column in columns
         if quantity in column.quantities
         or (column.quantities <= kin and _resembles(column, quantity))
     ]
+    if name != "voltage_V":
+        return near
+    near = [column for column in near if not any(map(is_shunt, column.texts))]
+    supplies = [column for column in near if any(map(is_supply, column.texts))]
+    at_motor = [column for column in near if column not in supplies]
+    is_chopped = any(map(may_be_duty, columns))
+    return at_motor or ([] if is_chopped else supplies)
 
 
 def may_be_duty(column: Column) -> bool:
@@ -157,6 +169,8 @@ def _resembles(column: Column, quantity: str) -> bool:
     if any(similar_to(text, quantity) for text in column.texts):
         return True
     is_of = column.unit is not None and column.unit.quantity == quantity
+    # Keysight; the ADC of a board counts, so that only the user can say that it is amperes.
+    is_of |= quantity == "current" and column.unit_texts == ("ADC",)
     return is_of and not column.quantities and not any(map(is_setpoint, column.texts))
 
 
@@ -189,15 +203,20 @@ def duplicate_columns(columns: Sequence[Column]) -> RunFileError:
 
 
 def example(name: str, column: Column | None) -> Example:
-    """Mapping of a channel to a column, with a unit unless the header gives one."""
+    """Mapping of a channel to a column, with a unit or a factor unless the header gives a unit."""
     unit = canonical_unit(name)
     title = plain(column.title, 80) if column else "HEADER TEXT"
+    if column is not None and name == "time_s" and (since_1970 := unit_since_1970(column.first)):
+        return {name: {"column": title, "unit": since_1970}}
     if column is not None and column.unit is not None and column.unit.quantity == unit.quantity:
         return {name: {"column": title}}
     if name == "speed_rad_s" and "rpm" in title.casefold():
         # VESC logs the electrical speed, which has the pole pairs as a factor.
         scale = {"scale": "TURNS_PER_ELECTRICAL_TURN"} if "erpm" in title.casefold() else {}
         return {name: {"column": title, **scale, "unit": "rpm"}}
+    if column is not None and column.unit_texts and column.unit is None:
+        # The unit of the channel would be wrong for cells in another one, such as counts.
+        return scaled_example(name, column)
     return {name: {"column": title, "unit": unit.name}}
 
 

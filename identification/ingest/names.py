@@ -37,6 +37,8 @@ __all__ = [
     "is_direction",
     "is_sample_number",
     "is_setpoint",
+    "is_shunt",
+    "is_supply",
     "is_units_row",
     "read_header",
     "similar_to",
@@ -44,7 +46,7 @@ __all__ = [
 
 _NAME_LISTS = {
     "time": "time, t, timestamp, time stamp, elapsed time, relative time, time relative, tout, "
-    "x axis, date time, zeit, uhrzeit, zeitstempel, temps, tempo, tiempo",
+    "x axis, header stamp, date time, zeit, uhrzeit, zeitstempel, temps, tempo, tiempo",
     "voltage": "voltage, v, u, vm, um, va, ua, vmot, umot, spannung, tensão, tensao, tensión, "
     "tensione, voltaje, voltagem",
     "current": "current, curr, i, im, ia, imot, strom, courant, corrente, corriente",
@@ -56,9 +58,9 @@ _NAME_LISTS = {
     "drehwinkel, geberwinkel, rotorlage, wellenlage",
     "duty": "duty, duty cycle, dutycycle, duty ratio, pwm, pwm duty, pwm duty cycle, tastgrad, "
     "tastverhältnis, aussteuerung",
-    "bus voltage": "bus voltage, v bus, u bus, link voltage, supply voltage, battery voltage, "
-    "input voltage, vbus, ubus, vdc, udc, vbat, ubat, vsupply, zwischenkreisspannung, "
-    "versorgungsspannung, batteriespannung",
+    "bus voltage": "bus voltage, v bus, u bus, link voltage, supply voltage, "
+    "power supply voltage, battery voltage, input voltage, vbus, ubus, vdc, udc, vbat, ubat, "
+    "vsupply, zwischenkreisspannung, versorgungsspannung, batteriespannung",
 }
 NAMES = {quantity: tuple(names.split(", ")) for quantity, names in _NAME_LISTS.items()}
 """Accepted names of each quantity, in lower case; docs/run-files.md prints them."""
@@ -123,7 +125,10 @@ def read_header(text: str) -> HeaderText:
         return HeaderText(quantity, canonical_unit(channel).name, channel)
     whole = find_unit(unbracketed(text).removeprefix("in "))
     # A single letter is as often a name as a unit: V, A, s, t, i.  Those need a mapping.
-    if whole is not None and len(text) > 1 and whole.quantity != "duty":
+    # Vdc alone is the name of a bus voltage.
+    named = {whole.quantity} if whole is not None else frozenset()
+    named = _QUANTITIES.get(text.casefold(), named)
+    if whole is not None and len(text) > 1 and whole.quantity != "duty" and whole.quantity in named:
         return HeaderText(frozenset({whole.quantity}), whole.name)
     for form in (_in_brackets, _after_word, _as_suffix, _after_slash):
         found = form(text)
@@ -167,7 +172,21 @@ _DIRECTIONS = frozenset(
     "dir direction sense sign polarity fwd forward rev reverse cw ccw richtung drehrichtung "
     "laufrichtung vorzeichen".split()
 )
-_COUNTERS = frozenset("sample samples index idx row tick ticks step".split())
+_COUNTERS = frozenset("sample samples index idx row tick ticks step cycle cycles".split())
+_SUPPLIES = frozenset(
+    "supply bus link battery batt bat pack vbus vbat vdc vin ubus ubat udc uin".split()
+)
+
+
+def is_shunt(text: str) -> bool:
+    """Return True for the name of a voltage across a shunt, which measures the current."""
+    return "shunt" in _words(text[:LONGEST_CELL])
+
+
+def is_supply(text: str) -> bool:
+    """Return True for the name of the voltage of a supply, which a chopper may switch."""
+    words = _words(text[:LONGEST_CELL])
+    return bool(_SUPPLIES.intersection(words)) or "bus voltage" in read_header(text).quantities
 
 
 def is_setpoint(text: str) -> bool:

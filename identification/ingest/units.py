@@ -31,6 +31,7 @@ __all__ = [
     "find_unit",
     "normalise_unit",
     "unit_in_another_case",
+    "unit_since_1970",
 ]
 
 CHANNEL_QUANTITIES = {
@@ -75,10 +76,13 @@ UNITS = (
     Unit("s", "time", symbols="S", words="sec secs second seconds"),
     Unit("ms", "time", 1e-3, words="msec millisecond milliseconds millis"),
     Unit("us", "time", 1e-6, symbols="µs", words="usec microsecond microseconds micros"),
-    Unit("ns", "time", 1e-9, words="nanosecond nanoseconds"),
+    Unit("ns", "time", 1e-9, words="nanosecond nanoseconds nanosec nsec nsecs"),
     Unit("min", "time", 60.0, words="minute minutes"),
-    Unit("V", "voltage", symbols="v", words="volt volts"),
-    Unit("mV", "voltage", 1e-3, symbols="mv", words="millivolt millivolts"),
+    # Spreadsheets count days.
+    Unit("days", "time", 86400.0, words="day"),
+    # Not ADC: that is as often a count of an analogue-digital converter as amperes of DC.
+    Unit("V", "voltage", symbols="v VDC Vdc", words="volt volts"),
+    Unit("mV", "voltage", 1e-3, symbols="mv mVDC", words="millivolt millivolts"),
     Unit("kV", "voltage", 1e3, words="kilovolt kilovolts"),
     Unit("A", "current", symbols="a", words="amp amps ampere amperes"),
     Unit("mA", "current", 1e-3, symbols="ma", words="milliamp milliamps milliampere milliamperes"),
@@ -147,6 +151,16 @@ def find_unit(text: str) -> Unit | None:
 def unit_in_another_case(text: str) -> Unit | None:
     """Unit whose spelling differs from the text only in case, such as mA for ``MA``."""
     return _OTHER_CASE.get(normalise_unit(text).casefold())
+
+
+def unit_since_1970(number: float) -> str:
+    """Name of the unit in which a time since 1970 is one of the years 2000 to 2099; else blank."""
+    first, last = _YEARS_2000_TO_2099
+    times = (unit for unit in UNITS if unit.quantity == "time" and unit.factor <= 1.0)
+    return next((unit.name for unit in times if first <= number * unit.factor < last), "")
+
+
+_YEARS_2000_TO_2099 = (946_684_800.0, 4_102_444_800.0)
 
 
 def canonical_unit(channel: str) -> Unit:

@@ -98,7 +98,34 @@ _LONG = [
 _UNITS_ABOVE = [f"{name} [{unit}]" for name, unit in zip(NAMES, DEVICE_UNITS, strict=True)]
 _LATER = [datetime.timedelta(milliseconds=ms) for ms in _MS]
 
+
+def _hicorder() -> tuple[str, ...]:
+    """Header of a text file of a HIOKI Memory HiCorder with scaling and logic channels.
+
+    The layout is that of the appendix on text files of the manual of the MR8880.
+    """
+    logic = ("LA1", "LA2")
+    settings = {
+        "CH": ("CH1", "CH2", "CH3", "CH4", *logic),
+        "Mode": ("DC", "DC", "DC", "DC", "LOGIC", "LOGIC"),
+        "Range": ("20V", "2V", "5V", "5V", "-", "-"),
+        "Comment": (*NAMES, "", ""),
+        "Scaling": ("Off", "On", "On", "On", "-", "-"),
+        "Ratio": (" 1.00000E+00",) * 4 + ("-", "-"),
+        "Offset": (" 0.00000E+00",) * 4 + ("-", "-"),
+        "Time": (*(f"CH{k}[{unit}]" for k, unit in enumerate(DEVICE_UNITS, 1)), *logic),
+    }
+    titles = ("File name", "WAVE0001.CSV", "V1.00"), ("Title comment", "")
+    lines = [*titles, *((key, *cells) for key, cells in settings.items())]
+    return tuple(",".join(f'"{cell}"' for cell in line) + "," for line in lines)
+
+
 LOGGERS = (
+    device(
+        "hicorder.csv",
+        "HIOKI Memory HiCorder, comments as the names of the channels",
+        text(_hicorder(), [[*row, 1, 0, None] for row in rows()]),
+    ),
     device(
         "yokogawa_wt.csv",
         "Yokogawa WT, milliseconds in a column of their own",

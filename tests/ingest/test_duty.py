@@ -34,6 +34,8 @@ def chopped(duty: str, bus: str, percent: float = 1.0) -> dict[str, Array]:
         ("Tastgrad in %", "Zwischenkreisspannung/V", 100.0),
         ("duty_ratio", "vbat_mV", 1.0),
         ("PWM [%]", "V_bus [V]", 100.0),
+        ("PWM duty cycle [%]", "Power supply voltage [V]", 100.0),
+        ("duty [%]", "Vdc [VDC]", 100.0),
     ],
 )
 def test_voltage_is_duty_times_bus_voltage(duty: str, bus: str, percent: float) -> None:

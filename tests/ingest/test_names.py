@@ -81,7 +81,9 @@ def test_header_that_is_no_exact_name_has_no_quantity(text: str) -> None:
     assert describe_column(0, [text]).quantities == frozenset()
 
 
-@pytest.mark.parametrize("text", ["battery voltage [V]", "Batteriespannung [V]", "V_bus (V)"])
+@pytest.mark.parametrize(
+    "text", ["battery voltage [V]", "Batteriespannung [V]", "V_bus (V)", "Vdc", "VDC"]
+)
 def test_voltage_of_the_supply_is_not_that_of_the_motor(text: str) -> None:
     """A chopper lies between them."""
     assert "voltage" not in describe_column(0, [text]).quantities

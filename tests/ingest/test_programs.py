@@ -104,6 +104,29 @@ def test_times_since_1970_keep_every_digit(tmp_path: Path, form: str, unit: str)
     assert run.time[0] == pytest.approx(1_772_352_000 % 100_000, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("form", "header"),
+    [
+        ("{whole}{ms}000000", "timestamp_ns"),
+        ("{whole},{ms}000000", "header.stamp.sec,header.stamp.nanosec"),
+        ("{whole},{ms}000000", "header.stamp.secs,header.stamp.nsecs"),
+    ],
+)
+def test_times_since_1970_whose_header_gives_their_unit_need_no_mapping(
+    tmp_path: Path, form: str, header: str
+) -> None:
+    """A header of ROS has whole seconds and nanoseconds, in ROS 2 and in ROS 1."""
+    path = tmp_path / "run.csv"
+    path.write_text(epoch(form).replace("Time", header))
+
+    run = read_run(path)
+
+    np.testing.assert_allclose(run.time - run.time[0], RECORD["time_s"], rtol=0, atol=2e-11)
+    assert run.time[0] == pytest.approx(1_772_352_000 % 100_000, abs=1e-9)
+    # Both columns are used.
+    assert "unused_columns" not in [w.code for w in run.warnings]
+
+
 def test_offset_of_times_since_1970_is_that_of_the_whole_number(tmp_path: Path) -> None:
     """The user takes away the start."""
     path = tmp_path / "run.csv"

@@ -4,6 +4,7 @@
     1.25 sec; 12.5 V        a unit behind, as MATLAB writes a duration
     1.234,5; 1'234.5        thousands separators, if the decimal sign shows which sign they are
     08:00:00, 125           a time of day whose milliseconds have a column of their own
+    1772352000, 1000000     a time since 1970 with its nanoseconds, of ROS
 
 The first sample shows labels and units; a cell that differs from it is no number.
 """
@@ -15,8 +16,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from identification.ingest.columns import Column, read_columns
 from identification.ingest.text.blocks import Block
-from identification.ingest.text.cells import is_number, split_cells
+from identification.ingest.text.cells import is_number, is_whole_second, split_cells
 from identification.ingest.units import find_unit
 
 __all__ = ["BareCells", "is_affixed", "is_grouped"]
@@ -29,6 +31,10 @@ _PARTS = re.compile(
 _GROUPS = re.compile(
     r"[+-]?\d{1,3}(?:(?:\.\d{3})+(?=,)|(?:,\d{3})+(?=\.)|(?:['’\u00a0\u202f]\d{3})+)(?:[.,]\d*)?"
 )
+# Columns that may hold the fraction of a time of day, with its digits.
+_DIGITS = {"ms": 3, "us": 6, "ns": 9, "fraction": 0, "fraction of second": 0, "subsecond": 0}
+# Whole seconds since 1970 of this century.
+_SINCE_1970 = re.compile(r"[1-9]\d{9}", re.ASCII)
 
 
 def _parts(cell: str) -> tuple[str, str, str]:
@@ -86,6 +92,24 @@ class BareCells:
         """Rows of names and of units for the header; none where no cell has one."""
         return tuple(row for row in (self.labels, self.units) if any(row))
 
+    def with_clock(
+        self, header: tuple[tuple[str, ...], ...], rows: Sequence[list[str]]
+    ) -> BareCells | None:
+        """Rewriting that completes a time by the column of its fraction; None if none does."""
+        columns = read_columns(header)
+        names = [c.unit.name if c.unit is not None else c.title.casefold() for c in columns]
+        if _DIGITS.keys().isdisjoint(names):
+            return None
+        rows = [cells for cells in rows if len(cells) == len(self.labels)]
+        times = [c for c in columns if _is_whole(c, rows[0][c.index])]
+        for column, name in zip(columns, names, strict=True):
+            if len(times) == 1 and name in _DIGITS:
+                [time] = times
+                found = replace(self, clock=time.index, part=column.index, digits=_DIGITS[name])
+                if all(map(found.fraction, rows)):
+                    return found
+        return None
+
     def line(self, text: str) -> str:
         """The line with plain cells, if it has as many as the first sample."""
         usual = self._usual.fullmatch(text)
@@ -130,3 +154,9 @@ class BareCells:
         elif number and unit and not of:
             cell += f" (without {unit})"
         return f'"{cell}"' if self.delimiter in cell else cell
+
+
+def _is_whole(column: Column, cell: str) -> bool:
+    """Return True for a column of times of whole seconds, of a day or since 1970."""
+    is_long = column.unit is not None and column.unit.name == "s" and _SINCE_1970.fullmatch(cell)
+    return "time" in column.quantities and (is_whole_second(cell) or bool(is_long))

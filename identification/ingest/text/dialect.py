@@ -19,7 +19,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from identification.errors import EmptyFile, FileTooLarge, NoRows, NoTable, NotANumber, RunFileError
-from identification.ingest.columns import read_columns
 from identification.ingest.display import listed, quoted
 from identification.ingest.file import Limits
 from identification.ingest.names import is_channel_name
@@ -30,7 +29,6 @@ from identification.ingest.text.cells import (
     is_number,
     is_number_word,
     is_time_of_day,
-    is_whole_second,
     split_cells,
 )
 from identification.ingest.text.header import HeaderRows, Line, Preamble, keyed_rows, read_preamble
@@ -50,8 +48,6 @@ _NUMBERS = re.compile(r"\d+(?:[.,]\d+)?")
 _SHOWN = 1000
 # Order of preference if two delimiters have the same score.
 _DELIMITERS = ("\t", ";", ",", " ")
-# Columns that may hold the fraction of a time of day, with its digits.
-_DIGITS = {"ms": 3, "us": 6, "ns": 9, "fraction": 0, "fraction of second": 0, "subsecond": 0}
 _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
@@ -124,7 +120,8 @@ def detect_layout(block: Block, limits: Limits) -> Layout:
         rows = HeaderRows(delimiter, fields, lines[at]).above(above, noted, preamble.names())
     header = tuple(tuple(cells) for _, cells in rows)
     header += bare.header if bare is not None else ()
-    bare = _with_clock(bare or BareCells.of(delimiter, [""] * fields), header, lines[at:]) or bare
+    samples = [split_cells(line.text, delimiter) for line in lines[at:]]
+    bare = (bare or BareCells.of(delimiter, [""] * fields)).with_clock(header, samples) or bare
     return Layout(
         delimiter,
         fields,
@@ -213,25 +210,6 @@ def _joined(texts: list[str], first_line: int) -> list[tuple[int, str]]:
         joined.append((first_line + at, " ".join(texts[at:end])))
         at = end
     return joined
-
-
-def _with_clock(
-    bare: BareCells, header: tuple[tuple[str, ...], ...], lines: list[Line]
-) -> BareCells | None:
-    """Rewriting that completes a time of day by the column of its fraction; None if none does."""
-    columns = read_columns(header)
-    names = [c.unit.name if c.unit is not None else c.title.casefold() for c in columns]
-    if _DIGITS.keys().isdisjoint(names):
-        return None
-    rows = [split_cells(line.text, bare.delimiter) for line in lines]
-    rows = [cells for cells in rows if len(cells) == len(bare.labels)]
-    times = [c for c in columns if "time" in c.quantities and is_whole_second(rows[0][c.index])]
-    for column, name in zip(columns, names, strict=True):
-        if len(times) == 1 and name in _DIGITS:
-            found = replace(bare, clock=times[0].index, part=column.index, digits=_DIGITS[name])
-            if all(map(found.fraction, rows)):
-                return found
-    return None
 
 
 def _best_delimiter(

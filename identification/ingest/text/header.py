@@ -12,6 +12,7 @@ The preamble gives names, units and the sample clock of the columns:
                     beside the samples also Source and Probe Atten
     Keysight        XUnits, YUnits
     Rigol           Sequence, below the columns Start and Increment; t0 = and tInc = in the header
+    HIOKI           Comment below Mode and Range, Title comment
     TwinCAT         Name, Unit and others above each group of channels (`twincat`)
 
 The first cell of such a line is its key; the others stand above the columns that they describe.
@@ -50,7 +51,10 @@ _COUNT = ("samples", "blocksize")
 _SOURCE = "source"
 _INTERVAL = "sample interval"
 _PROBE = ("probe atten", "probe attenuation")
-_FURTHER = (*_COUNT, _SOURCE, _INTERVAL, *_PROBE)
+# HIOKI: the comment of a channel is its name, and the times are in seconds.
+_SETTINGS = ("mode", "range", "comment")
+_TITLE = "title comment"
+_FURTHER = (*_COUNT, _SOURCE, _INTERVAL, *_PROBE, *_SETTINGS, _TITLE)
 """Keys of lines that may also be header rows."""
 KEYS = frozenset((*_NAMES, *_UNITS, *_TIME_UNIT, *_START, *_STEP, _COLUMNS, _SEQUENCE))
 """Keys, in lower case, of the lines that are no header rows."""
@@ -299,10 +303,19 @@ def read_preamble(rows: Sequence[list[str]]) -> Preamble:
                 name = _START[0] if given["key"] in ("t0", "T0") else _STEP[0]
                 found[name] = ["", given["number"]]
         above = [cell.casefold() for cell in cells]
+    found |= _commented(found)
     _, names, units = scope_rows(rows)
     if names:
         found |= {_NAMES[0]: names, _UNITS[1]: units, _TIME_UNIT[0]: ["", "ms"]}
     return Preamble(found)
+
+
+def _commented(lines: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Names, and the unit of the time, of a file of HIOKI; empty for any other file."""
+    if _TITLE not in lines:
+        return {}
+    is_each = len({len(lines.get(key, [])) for key in _SETTINGS}) == 1
+    return {_TIME_UNIT[0]: ["", "s"], _NAMES[1]: lines.get("comment", []) if is_each else []}
 
 
 def _sequence(names: Sequence[str], cells: Sequence[str]) -> dict[str, list[str]]:

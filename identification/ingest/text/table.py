@@ -16,13 +16,14 @@ from identification.ingest.file import Limits, RunFile
 from identification.ingest.reader import Samples, SourceTable, refuse_not_finite
 from identification.ingest.run import RunWarning
 from identification.ingest.text.blocks import Block, Splitter, plain_lines
-from identification.ingest.text.cells import is_time_of_day
+from identification.ingest.text.cells import is_number, is_time_of_day
 from identification.ingest.text.dialect import Layout, detect_layout
 from identification.ingest.text.interval import interval_warning
 from identification.ingest.text.labview import as_one_table
 from identification.ingest.text.long import cut_line, is_long, read_long
 from identification.ingest.text.samples import SampleReader
 from identification.ingest.text.stacked import is_stacked, stacked_table
+from identification.ingest.units import unit_since_1970
 
 __all__ = ["TextReader", "TextTable", "open_text"]
 
@@ -148,7 +149,10 @@ class TextTable:
 def _with_clock(column: Column, sample: Sequence[str], is_named: bool) -> Column:
     """The column in seconds if its cells are times of day, and no other is named as the time."""
     cell = sample[column.index] if column.index < len(sample) else ""
-    if "time" in column.quantities and cell.isdigit() and len(cell) > _LONGEST_COUNT:
+    if "time" in column.quantities and is_number(cell):
+        column = dataclasses.replace(column, first=float(cell.replace(",", ".")))
+    is_long = cell.isdigit() and len(cell) > _LONGEST_COUNT
+    if "time" in column.quantities and is_long and not unit_since_1970(column.first):
         # Ticks of a calendar are in no unit of the table, whatever the header says.
         return dataclasses.replace(column, unit_texts=())
     is_time = "time" in column.quantities or not (is_named or column.quantities)
