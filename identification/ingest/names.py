@@ -45,8 +45,9 @@ __all__ = [
 ]
 
 _NAME_LISTS = {
-    "time": "time, t, timestamp, time stamp, elapsed time, relative time, time relative, tout, "
-    "x axis, header stamp, date time, zeit, uhrzeit, zeitstempel, temps, tempo, tiempo",
+    "time": "time, t, timestamp, timestamps, time stamp, elapsed time, relative time, "
+    "time relative, tout, x axis, header stamp, date time, zeit, uhrzeit, zeitstempel, temps, "
+    "tempo, tiempo",
     "voltage": "voltage, v, u, vm, um, va, ua, vmot, umot, spannung, tensão, tensao, tensión, "
     "tensione, voltaje, voltagem",
     "current": "current, curr, i, im, ia, imot, strom, courant, corrente, corriente",

@@ -157,14 +157,28 @@ PROGRAMS = (
     ),
     device(
         "controldesk.csv",
-        "dSPACE ControlDesk, a label in front of the first sample",
+        "dSPACE ControlDesk, rows of several kinds, a label in front of the first sample",
         text(
             [
+                "format;1",
+                "path;;" + ";".join(f"Platform()://Model Root/{name}" for name in NAMES),
                 "name;time;" + ";".join(NAMES),
+                "description;;;;;",
                 "unit;s;" + ";".join(DEVICE_UNITS),
+                "raster" + ";HostService" * 5,
+                "",
             ],
             [["trace_values" if not k else "", *row] for k, row in enumerate(rows())],
             ";",
+        ),
+    ),
+    device(
+        "paths.csv",
+        "dSPACE ControlDesk, paths in place of names",
+        text(
+            ["path,time," + ",".join(f"Motor/{name}" for name in NAMES)]
+            + ["unit,s," + ",".join(DEVICE_UNITS)],
+            [["trace_values" if not k else "", *row] for k, row in enumerate(rows())],
         ),
     ),
     device(

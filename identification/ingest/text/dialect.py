@@ -33,14 +33,13 @@ from identification.ingest.text.cells import (
 )
 from identification.ingest.text.header import HeaderRows, Line, Preamble, keyed_rows, read_preamble
 from identification.ingest.text.interval import stated_interval
+from identification.ingest.text.labelled import TRACE
 
 __all__ = ["COMMENT_MARKS", "Layout", "detect_layout"]
 
 # TwinCAT ends a file with EOF.
 COMMENT_MARKS = ("#", "%", "//", "EOF")
 
-# dSPACE ControlDesk writes this in front of the first sample.
-_SAMPLES = ("trace_values",)
 _PREVIEW_LINES = 1000
 # Limit of the search for a header in a text without samples.
 _SEARCHED_CHARACTERS = 100_000
@@ -241,7 +240,7 @@ def _best_delimiter(
 def _is_first(cells: list[str], below: list[str], fields: int) -> bool:
     """Return True for a sample above another one, with few values or with a label in front."""
     is_sparse = "" in cells[1:-1] and (is_number(cells[0]) or is_clock(cells[0]))
-    is_labelled = not below[0] and cells[0] in _SAMPLES and all(map(is_number, cells[1:]))
+    is_labelled = not below[0] and cells[0] == TRACE and all(map(is_number, cells[1:]))
     return len(cells) == fields and (is_sparse or is_labelled)
 
 

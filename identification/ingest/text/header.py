@@ -86,7 +86,7 @@ class HeaderRows:
             RunFileError: The header has another number of cells than the samples, one of its cells
                 is too long, or a line between names and samples is a damaged sample.
         """
-        lines = without_labels(lines, self._delimiter)
+        lines = without_labels(lines, self._delimiter, self._sample_cells)
         rows = self._collect(lines) or self._collect(comments)
         if not rows and not names:
             self._refuse_ragged(lines)
