@@ -65,7 +65,7 @@ def missing_columns(
         }
     ]
     hint, derived = _derivations(names, free)
-    hint += _of_supply(similar.get("voltage_V", []))
+    hint += _of_supply(similar.get("voltage_V", [])) + _of_speed(similar.get("speed_rad_s", []))
     if similar.get("voltage_V") == [] and not any("voltage_V" in each for each in derived):
         hint += " (a voltage that was constant during the whole run is a number)"
         derived.append({"voltage_V": {"value": "VOLTS"}})
@@ -93,6 +93,12 @@ def _of_supply(near: Sequence[Column]) -> str:
     if not near or not all(any(map(is_supply, column.texts)) for column in near):
         return ""
     return f" ({quoted(near[0].title)} is that of the motor only without a chopper between them)"
+
+
+def _of_speed(near: Sequence[Column]) -> str:
+    """Remark on the unit of a speed that the header does not give: drives have several."""
+    is_known = not near or near[0].unit_texts or "rpm" in near[0].title.casefold()
+    return "" if is_known else f" (with the unit of {quoted(near[0].title)} in place of rad/s)"
 
 
 _NO_CURRENT = (

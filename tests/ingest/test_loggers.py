@@ -99,6 +99,28 @@ def test_a_time_of_two_columns_has_both_names(tmp_path: Path) -> None:
         assert np.array_equal(mapped.time, RECORD["time_s"])
 
 
+@pytest.mark.parametrize(
+    ("stamp", "clock", "other"),
+    [
+        ("08:00:{:02d}", "time", "latency [ms]"),
+        ("17723520{:02d}", "timestamp [s]", "latency [ns]"),
+    ],
+)
+def test_a_latency_is_no_fraction_of_the_time(
+    tmp_path: Path, stamp: str, clock: str, other: str
+) -> None:
+    """Added to whole seconds, the latency of the bus would be a jitter of the clock."""
+    lines = [f"{clock},{other},{','.join([*RECORD][1:])}"]
+    for k, row in enumerate(rows()):
+        lines.append(f"{stamp.format(k)},{k % 7 + 1},{','.join(map(str, row[1:]))}")
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([*lines, ""]))
+
+    run = read_run(path)
+
+    assert np.array_equal(np.diff(run.time), np.ones(39))
+
+
 def test_a_label_without_a_unit_is_no_quantity(tmp_path: Path) -> None:
     """The labels U, I and n are names; their units are asked for, and so is the time."""
     path = tmp_path / "run.txt"

@@ -104,6 +104,19 @@ def test_a_unit_that_is_not_known_is_a_factor_in_the_proposal() -> None:
     assert caught.value.examples[0] == {"speed_rad_s": entry}
 
 
+@pytest.mark.parametrize(
+    ("title", "is_said"),
+    [("vel_estimate", True), ("Axis1.rpm", False), ("Axis1.Velocity [rad/s]", False)],
+)
+def test_the_unit_of_a_speed_is_not_taken_from_the_proposal(title: str, *, is_said: bool) -> None:
+    """ODrive logs turns per second, and a run read in rad/s would be that of another motor."""
+    columns = {name: values for name, values in RECORD.items() if name != "speed_rad_s"}
+    with pytest.raises(errors.MissingColumn) as caught:
+        read_run(pd.DataFrame(columns | {title: RECORD["speed_rad_s"]}))
+
+    assert (f"with the unit of '{title}' in place of rad/s" in str(caught.value)) == is_said
+
+
 def test_units_of_duty_and_bus_voltage_are_asked_for_at_once() -> None:
     """VESC Tool writes both without a unit; one message per attempt would cost two."""
     factors = {"duty_cycle": RECORD["voltage_V"] / 24.0, "input_voltage": np.full(40, 24.0)}

@@ -33,6 +33,7 @@ _GROUPS = re.compile(
 )
 # Columns that may hold the fraction of a time of day, with its digits.
 _DIGITS = {"ms": 3, "us": 6, "ns": 9, "fraction": 0, "fraction of second": 0, "subsecond": 0}
+_PARTS_OF_A_SECOND = ("milli", "micro", "mikro", "nano")
 # Whole seconds since 1970 of this century.
 _SINCE_1970 = re.compile(r"[1-9]\d{9}", re.ASCII)
 
@@ -103,7 +104,7 @@ class BareCells:
         rows = [cells for cells in rows if len(cells) == len(self.labels)]
         times = [c for c in columns if _is_whole(c, rows[0][c.index])]
         for column, name in zip(columns, names, strict=True):
-            if len(times) == 1 and name in _DIGITS:
+            if len(times) == 1 and name in _DIGITS and _is_part(column):
                 [time] = times
                 found = replace(self, clock=time.index, part=column.index, digits=_DIGITS[name])
                 if all(map(found.fraction, rows)):
@@ -160,3 +161,9 @@ def _is_whole(column: Column, cell: str) -> bool:
     """Return True for a column of times of whole seconds, of a day or since 1970."""
     is_long = column.unit is not None and column.unit.name == "s" and _SINCE_1970.fullmatch(cell)
     return "time" in column.quantities and (is_whole_second(cell) or bool(is_long))
+
+
+def _is_part(column: Column) -> bool:
+    """Return True for a column of times or named as a fraction; a latency in ms is none."""
+    title = column.title.casefold()
+    return "time" in column.quantities or title in _DIGITS or title.startswith(_PARTS_OF_A_SECOND)
