@@ -67,9 +67,11 @@ def _joined(cells: Sequence[str], delimiter: str) -> str:
 
 
 def _is_labelled(cells: Sequence[str]) -> bool:
-    """True if all filled cells have the same label."""
+    """True if all filled cells of several have the same label; a title line is a single cell."""
     label = _label(cells)
-    return label in _LABELS and all(cell.casefold().startswith(label) for cell in cells if cell)
+    filled = [cell for cell in cells if cell]
+    is_same = all(cell.casefold().startswith(label) for cell in filled)
+    return len(cells) > 1 and label in _LABELS and is_same
 
 
 def _label(cells: Sequence[str]) -> str:
