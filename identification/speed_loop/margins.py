@@ -61,8 +61,8 @@ def delayed_margins(loop: Loop, delay: float, highest: float) -> Margins:
     """
     with np.errstate(all="ignore"):
         frequency = _gain_crossovers(loop)
-        lead = np.angle(-_open_loop(loop, frequency), deg=True) - np.rad2deg(frequency * delay)
-        phase = np.where(np.isnan(lead), np.inf, lead).min(axis=1, initial=np.inf)
+        lag = 180.0 + _phase(loop, frequency) - np.rad2deg(frequency * delay)
+        phase = np.where(np.isnan(lag), np.inf, lag).min(axis=1, initial=np.inf)
         blocks = [slice(k, k + _AT_ONCE) for k in range(0, phase.size, _AT_ONCE)]
         some = [Loop(loop.numerator[rows], loop.open_denominator[rows]) for rows in blocks]
         gain = np.concatenate([_delayed_gain_margin(one, delay, highest) for one in some])
@@ -92,6 +92,37 @@ def _open_loop(loop: Loop, frequency: Array) -> Complex:
         for coefficient in polynomial.T:
             value[k] = value[k] * s + coefficient[:, None]
     return np.asarray(value[0] / value[1], dtype=np.complex128)
+
+
+def _phase(loop: Loop, frequency: Array) -> Array:
+    """Phase of L(j omega), continuous from frequency zero, (n_loop, n_frequency) [deg].
+
+    It is -180 degrees at frequency zero if the static gain is negative.  A phase modulo 360 degrees
+    would take a loop that leads for one that lags by more than 180 degrees.
+    """
+    numerator, denominator = (
+        _turn(part, frequency) for part in (loop.numerator, loop.open_denominator)
+    )
+    return np.asarray(np.rad2deg(numerator - denominator))
+
+
+def _turn(polynomials: Array, frequency: Array) -> Array:
+    """Angle of each P(j omega), continuous from that of P(j 0), (n_loop, n_frequency) [rad].
+
+    Each root adds a continuous angle; that of P(j 0) is 0, -pi if P(0) is negative, and pi / 2 for
+    each root at zero.
+    """
+    angle = np.zeros(frequency.shape)
+    leading = (polynomials != 0).argmax(axis=1)
+    for first in np.unique(leading[leading < polynomials.shape[1] - 1]):
+        rows = leading == first
+        some = polynomials[rows, first:]
+        for root in monic_roots(some / some[:, :1]).T[:, :, None]:
+            side = np.where(root.real > 0, -1.0, 1.0)
+            angle[rows] += side * np.arctan2(frequency[rows] - root.imag, np.abs(root.real))
+    rising = polynomials[:, ::-1]
+    static = rising[np.arange(len(rising)), (rising != 0).argmax(axis=1)]
+    return angle - np.where(static < 0, np.pi, 0.0)[:, None]
 
 
 def _gain_crossovers(loop: Loop) -> Array:

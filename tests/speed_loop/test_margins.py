@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from identification.speed_loop.loop import Loop
-from identification.speed_loop.margins import bandwidth, stability_margins
+from identification.speed_loop.margins import bandwidth, delayed_margins, stability_margins
 from identification.speed_loop.roots import monic_roots
 
 GAINS = st.floats(-2, 3).map(lambda exponent: 10.0**exponent)
@@ -129,6 +129,35 @@ def test_signs_of_the_margins_agree_with_stability(loop: Loop) -> None:
 
     if abs(margins.phase_deg[0]) > 1e-6 and abs(margins.gain_db[0]) > 1e-6:
         assert bool((closed.real < 0).all()) == bool(margins.phase_deg[0] > 0)
+
+
+@settings(deadline=None, max_examples=100)
+@given(open_loops())
+def test_a_vanishing_delay_leaves_the_phase_margin_of_a_stable_loop(loop: Loop) -> None:
+    """A crossing at which the loop leads needs a lag of more than 180 degrees, not a lead."""
+    margins = stability_margins(loop)
+    delayed = delayed_margins(loop, 1e-12, 1e12).phase_deg[0]
+
+    if margins.phase_deg[0] > 1e-3:
+        assert delayed >= margins.phase_deg[0] - 1e-3
+    else:
+        assert delayed <= 1e-3
+
+
+def test_lead_of_a_derivative_is_not_a_missing_margin() -> None:
+    """(5000 s^2 + 20 s + 5) / (s (s + 1)(s + 1000)) leads by 77 degrees where its gain rises.
+
+    The reference unwraps the phase on a grid from low frequency on.
+    """
+    loop = loop_of([5000.0, 20.0, 5.0], [1.0, 1001.0, 1000.0, 0.0])
+    frequency = np.geomspace(1e-3, 1e4, 200_001)
+    gain = open_gain(loop, frequency) * np.exp(-1e-4j * frequency)
+    crossings = np.flatnonzero(np.diff(np.sign(np.abs(gain) - 1)))
+    lags = 180 + np.unwrap(np.angle(gain))[crossings] * 180 / np.pi
+
+    found = delayed_margins(loop, 1e-4, 1e5).phase_deg
+
+    assert found[0] == pytest.approx(lags.min(), abs=0.01)
 
 
 @settings(deadline=None, max_examples=100)
