@@ -57,8 +57,8 @@ def blamed(judge: Judge, gains: Array, samples: int, probability: float) -> list
             | {"sobol": _first_order(values, before)}
         )
     if len(judge.temperatures) > 1:
-        middle = judge.of(motor, [judge.temperatures[len(judge.temperatures) // 2]])
-        after = middle.judged(gains[:, None], samples).of_draws[0]
+        middle = 0.5 * (judge.temperatures[0] + judge.temperatures[-1])
+        after = judge.of(motor, [middle]).judged(gains[:, None], samples).of_draws[0]
         entries.append(_entry("temperature", before, after, probability) | {"sobol": None})
     return sorted(entries, key=lambda e: (-e["rise"], -(e["slack_rise"] or 0.0)))
 

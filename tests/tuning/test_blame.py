@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,21 @@ def test_the_only_spread_that_matters_is_blamed() -> None:
     assert first["sobol"] > 0.8
     assert second["sobol"] < 0.1
     assert "the uncertainty of J is most to blame" in found["statement"]
+
+
+def test_two_temperatures_are_blamed_at_their_middle() -> None:
+    """Cold and hot rise times differ; a limit between them and that at 75 degC fails at one end."""
+    motor, gains = spread(b=0.01), gains_of(parse_controller("PI:0.1,8"))
+    required = parse_specification("sample_time=1e-3,rise_time=1")
+    ends = Judge(motor, required, [25.0, 75.0, 125.0], 100.0)
+    cold, middle, hot = ends.judged(gains[:, None]).metrics["rise_time"][0].mean(axis=1)
+    limit = 0.5 * (middle + max(cold, hot))
+    judge = Judge(motor, replace(required, rise_time=float(limit)), [25.0, 125.0], 100.0)
+
+    found = {one["parameter"]: one for one in blamed(judge, gains, judge.samples(), 0.95)}
+
+    assert found["temperature"]["probability"] == 1.0
+    assert found["temperature"]["rise"] == 1.0
 
 
 def test_correlated_parameters_are_conditioned_together() -> None:
