@@ -36,6 +36,7 @@ __all__ = ["Candidate", "Designer", "Proposal", "propose"]
 
 _SEARCH_DRAWS: Final = 8
 _CHECK_DRAWS: Final = 200
+_AT_ONCE: Final = 25
 _SEPARATED: Final = 40.0
 """Negative logarithm of the bound of a wrong choice [bit] beyond which models count as separated;
 it leaves a margin for the linearisation."""
@@ -116,18 +117,25 @@ class Designer:
         return None if voltage is None else self.scored(profile, voltage, temperature, load)
 
     def within(
-        self, draws: Sequence[Array], shape: Array, temperature: float, load: float
+        self,
+        draws: Sequence[Array],
+        shape: Array,
+        temperature: float,
+        load: float,
+        *,
+        is_final: bool = False,
     ) -> Array | None:
         """Voltage (n_sample,) [V] at which all draws of all models hold the limits; None if none.
 
-        The shape (n_sample,) is scaled; the arguments are those of `peaks`.
+        The shape (n_sample,) is scaled; the arguments are those of `peaks`, or of `final_peaks`.
         """
+        peaks_of = self.final_peaks if is_final else self.peaks
         limits, interval = self.task.limits, self.task.interval
         amplitude, allowed = limits.voltage, asdict(limits)
         for _ in range(_ROUNDS):
             voltage = slew_limited(amplitude * shape, limits.slew * interval)
-            found = self.peaks(draws, voltage, temperature, load)
-            excess = max(value / allowed[name] for name, value in found.items())
+            found = peaks_of(draws, voltage, temperature, load)
+            excess = float(np.max([value / allowed[name] for name, value in found.items()]))
             if excess <= 1.0:
                 return voltage
             if not math.isfinite(excess):
@@ -143,16 +151,20 @@ class Designer:
         The draws of each model are physical values (n_parameter, n_draw), the voltage is
         (n_sample,) [V], the temperature in degC, the load a torque [N m].
         """
-        found = {"current": 0.0, "speed": 0.0, "position": 0.0}
-        for predictor, values in zip(self.predictors, draws, strict=True):
-            states = predictor.states(voltage, temperature, values, load)
-            speed = states[:, 1, :]
-            angle = self.task.interval * np.cumsum(speed, axis=0)
-            for name, signal in (
-                ("current", states[:, 0, :]), ("speed", speed), ("position", angle)
-            ):  # fmt: skip
-                found[name] = max(found[name], float(np.max(np.abs(signal))))
-        return found
+        return _largest(
+            _peaks(predictor.states(voltage, temperature, values, load), self.task.interval)
+            for predictor, values in zip(self.predictors, draws, strict=True)
+        )
+
+    def final_peaks(
+        self, draws: Sequence[Array], voltage: Array, temperature: float, load: float
+    ) -> dict[str, float]:
+        """Largest values as `peaks` has them, but between the samples too."""
+        return _largest(
+            _peaks(*predictor.states_between(voltage, temperature, values[:, block], load))
+            for predictor, values in zip(self.predictors, draws, strict=True)
+            for block in _blocks(values.shape[1])
+        )
 
     def scored(
         self, profile: Profile, voltage: Array, temperature: float, load: float = 0.0
@@ -234,7 +246,7 @@ def _proposal(designer: Designer, best: Candidate, by_temperature: dict[float, f
     shape, final = best.voltage / task.limits.voltage, None
     # The voltage cannot undo a load that drives the motor beyond a limit.
     for load in dict.fromkeys(share * best.load for share in (1.0, 0.5, 0.0)):
-        voltage = designer.within(many, shape, best.temperature, load)
+        voltage = designer.within(many, shape, best.temperature, load, is_final=True)
         if voltage is not None:
             final = designer.scored(best.profile, voltage, best.temperature, load)
             break
@@ -247,7 +259,7 @@ def _proposal(designer: Designer, best: Candidate, by_temperature: dict[float, f
     return Proposal(
         task=task,
         best=final,
-        peaks=designer.peaks(many, final.voltage, final.temperature, final.load),
+        peaks=designer.final_peaks(many, final.voltage, final.temperature, final.load),
         separation=designer.separated(final.responses) if task.are_rivals else None,
         bits=tuple(
             information_bits(one.covariance, response.information)
@@ -256,6 +268,27 @@ def _proposal(designer: Designer, best: Candidate, by_temperature: dict[float, f
         covariance=narrowed(model.covariance, information),
         by_temperature=by_temperature,
     )
+
+
+def _peaks(states: Array, interval: float) -> dict[str, float]:
+    """Largest current, speed and distance of states (n, 2, n_lane) at an interval [s]."""
+    speed = states[:, 1, :]
+    signals = {
+        "current": states[:, 0, :],
+        "speed": speed,
+        "position": interval * np.cumsum(speed, axis=0),
+    }
+    return {name: float(np.max(np.abs(signal))) for name, signal in signals.items()}
+
+
+def _largest(peaks: Iterable[dict[str, float]]) -> dict[str, float]:
+    """Largest of each value; NaN, as of a simulation that diverges, is the largest."""
+    found = list(peaks)
+    return {name: float(np.max([one[name] for one in found])) for name in found[0]}
+
+
+def _blocks(count: int) -> list[slice]:
+    return [slice(k, k + _AT_ONCE) for k in range(0, count, _AT_ONCE)]
 
 
 def _ranked(candidates: Iterable[Candidate | None]) -> list[Candidate]:

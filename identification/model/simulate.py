@@ -314,9 +314,17 @@ class Simulator:
 
     def states(self, values: Array, states: Sequence[Array]) -> list[Array]:
         """State trajectories, for each record (n_sample, n_state, n_lane)."""
+        return self._trajectories(values, states, self.first_rows)
+
+    def states_of_substeps(self, values: Array, states: Sequence[Array]) -> list[Array]:
+        """State at the begin of each substep, for each record (n_substep, n_state, n_lane)."""
+        return self._trajectories(values, states, None)
+
+    def _trajectories(
+        self, values: Array, states: Sequence[Array], rows: list[Index] | None
+    ) -> list[Array]:
         carries = [_lanes(state, values.shape[1]) for state in states]
-        scan = _states_scan(self.model, self.plan)
-        return sampled(scan, self.inputs, self.first_rows, values, carries)
+        return sampled(_states_scan(self.model, self.plan), self.inputs, rows, values, carries)
 
 
 @lru_cache

@@ -144,6 +144,36 @@ def test_every_draw_of_the_motor_holds_the_limits(result: dict[str, Any]) -> Non
     assert voltage[-1] == 0.0
 
 
+def test_limits_hold_between_the_samples(result: dict[str, Any]) -> None:
+    """At 10 ms the electrical time constant is short: the current peaks before the next sample."""
+    options = DesignOptions(limits=("current=3",), temperatures=(25.0,), rate=100.0, duration=4.0)
+    task = task_of_result(result, options)
+    designer = Designer(task)
+    shape = np.where(np.arange(task.rows) // 40 % 2 == 0, 1.0, -1.0)
+    draws = designer.draws(4)
+
+    voltage = designer.within(draws, shape, 25.0, 0.0, is_final=True)
+
+    assert voltage is not None
+    fine = np.repeat(voltage, 50)
+    found = [
+        simulated(one, task.interval / 50, fine, np.full(fine.size, 25.0), np.zeros(2))[:, 0]
+        for one in draws[0].T
+    ]
+    assert 0.97 * 3.0 < np.abs(found).max() <= 3.0
+    assert np.abs([one[::50] for one in found]).max() < 2.9
+
+
+def test_a_diverging_draw_does_not_hold_the_limits(result: dict[str, Any]) -> None:
+    """A torque constant of 1e200 overflows the simulation of that draw."""
+    task = task_of_result(result, DesignOptions(temperatures=(25.0,)))
+    designer = Designer(task)
+    draws = designer.draws(2)
+    draws[0][NAMES.index("Kt25"), 1] = 1e200
+    with np.errstate(all="ignore"):
+        assert designer.within(draws, np.ones(task.rows), 25.0, 0.0) is None
+
+
 def test_proposal_is_a_run_file_and_equal_seeds_give_equal_files(
     result: dict[str, Any], tmp_path: Path
 ) -> None:
