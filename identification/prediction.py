@@ -4,7 +4,8 @@
 
 The simulation uses the voltage, the temperature and, if logged, the angle of the run.  Its first
 samples give the initial state.  If the temperature was not logged, or was logged by a lagging
-thermometer in coarse steps, it is fitted to the run.
+thermometer in coarse steps, it is fitted to the run.  A run without readings, whose current and
+speed are constant, starts at these values, and nothing is fitted to it.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ import pandas as pd
 from identification.arrays import Array
 from identification.errors import InputError
 from identification.fit.initial import fitted_initial_states
-from identification.fit.temperature import with_own_temperatures
+from identification.fit.temperature import with_expected_temperatures, with_own_temperatures
 from identification.identified import Identified, read_result
 from identification.ingest.given import RunLike, run_of
 from identification.ingest.run import Run
 from identification.model.composite import Hold, MotorModel
 from identification.model.excitation import records_of
 from identification.model.parameter import Parameter
-from identification.model.simulate import Simulator
+from identification.model.simulate import Simulator, initial_states
 from identification.result.numbers import finite
 from identification.surrogates.entry import term_of
 
@@ -90,9 +91,13 @@ def simulation_of(
             for name, size in zip(("current_A", "speed_rad_s"), spread, strict=True)
         ]
     )
-    records = list(with_own_temperatures(model, values, records, deviation))
-    simulator = Simulator.fitting(model, records, values)
-    states = fitted_initial_states(simulator, values, deviation)
+    if run.has_readings:
+        known = with_own_temperatures(model, values, records, deviation)
+        simulator = Simulator.fitting(model, known, values)
+        states = fitted_initial_states(simulator, values, deviation)
+    else:
+        simulator = Simulator.fitting(model, with_expected_temperatures(records), values)
+        states = tuple(initial_states(model, record) for record in simulator.records)
     if model.terms:
         simulator = simulator.converged(values, states)
     return simulator, values, states

@@ -64,11 +64,11 @@ def contradictions(
 ) -> Sequence[Finding]:
     """Contradictions of a run in itself, or else with its prediction.
 
-    If current and speed are both constant, the run has inputs only, and nothing to compare.
+    A run without readings has nothing to compare.
     """
-    constant = [np.ptp(channel) == 0.0 for channel in (run.current, run.speed)]
-    if all(constant):
+    if not run.has_readings:
         return ()
+    constant = [np.ptp(channel) == 0.0 for channel in (run.current, run.speed)]
     refused = check_runs([run]).refused
     if refused or any(constant):
         return refused or list(dead_findings(run, signals_of(run)))

@@ -22,7 +22,10 @@ from identification.model.unlogged import RAMP, Unlogged
 from identification.model.weighting import Weighting
 from identification.quantities import REFERENCE_TEMPERATURE_DEGC
 
-__all__ = ["estimated_temperatures", "unlogged_of", "with_own_temperatures", "with_scale_drawn"]
+__all__ = [
+    "estimated_temperatures", "unlogged_of", "with_expected_temperatures", "with_own_temperatures",
+    "with_scale_drawn",
+]  # fmt: skip
 
 _LEAST_SPAN: Final = 1.0
 """Range of logged temperatures below which they do not determine temperature coefficients [K]."""
@@ -69,15 +72,20 @@ def with_own_temperatures(
     if model.unlogged.is_relative and len(model.unlogged.runs) == 1:
         # A single training run without a log gives no reference; a temperature fitted here would
         # hide what the model lacks.
-        return tuple(
-            record if record.expected is None else _at(record, np.array([0.0, record.expected]))
-            for record in records
-        )
+        return with_expected_temperatures(records)
     found = {
         run: _temperature(model, values, [r for r in records if r.run == run], deviation, whole)
         for run in sorted({record.run for record in records if record.expected is not None})
     }
     return tuple(_at(record, found.get(record.run)) for record in records)
+
+
+def with_expected_temperatures(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Records with the expected temperature throughout where none was logged."""
+    return tuple(
+        record if record.expected is None else _at(record, np.array([0.0, record.expected]))
+        for record in records
+    )
 
 
 def _temperature(

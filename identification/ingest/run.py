@@ -194,6 +194,11 @@ class Run:
             joined[start : stop - 1] = True
         return joined
 
+    @property
+    def has_readings(self) -> bool:
+        """False for a planned run, whose current and speed are both constant."""
+        return bool(np.ptp(self.current) != 0.0 or np.ptp(self.speed) != 0.0)
+
     def omitted(self, name: str) -> Bool:
         """(n_sample,), True where a channel is no measurement: saturated, or between updates."""
         nowhere = np.zeros(self.rows, dtype=bool)
