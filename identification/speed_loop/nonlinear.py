@@ -6,8 +6,9 @@ stays within the speeds, voltages and currents of the training runs, so that no 
 extrapolated.
 
 The sample interval is halved until rise time, settling time and final value converge, and the
-simulated time is doubled until the speed settles.  For a linear motor the first simulation is
-exact, and its metrics are those of `step_response`.
+simulated time is doubled until the speed settles.  With a torque that depends on the angle, the
+shaft makes a revolution in the last tenth of it, over which the final value is a mean.  For a
+linear motor the first simulation is exact, and its metrics are those of `step_response`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from identification.model.composite import MotorModel
 from identification.model.term import AbstractTerm
 from identification.speed_loop.closed_loop import ClosedLoop, LoopRun, acting_terms, simulated_loop
 from identification.speed_loop.controller import AbstractController, parse_controllers
-from identification.speed_loop.loop import close, motor_draws
+from identification.speed_loop.loop import Loop, close, motor_draws
 from identification.speed_loop.metrics import StepMetrics, quantities
 from identification.speed_loop.sampled import is_at_rest, sampled_metrics
 from identification.speed_loop.spread import checked_temperatures
@@ -38,6 +39,8 @@ _SAMPLES: Final = 1000
 _MOST_SAMPLES: Final = 16_000
 _BEYOND_SETTLING: Final = 6.0
 _LONGER: Final = 3
+_MOST_LONGER: Final = 64.0
+"""Largest factor of the simulated time for whole revolutions: the rise keeps several samples."""
 _AGREE: Final = 1e-3
 _WITHIN: Final = 0.99
 _LEAST_ELECTRICAL_SHARE: Final = 1e-6
@@ -141,7 +144,12 @@ class _Bench:
         if horizon is None or step is None:
             return []
         loop = ClosedLoop(self.model.terms, controller=controller)
-        runs, events = self._converged(loop, step, horizon)
+        samples = _SAMPLES
+        if loop.turns:
+            longer = min(self._ten_revolutions(controller, step) / horizon, _MOST_LONGER)
+            samples = int(np.clip(longer * samples, samples, _MOST_SAMPLES / 2))
+            horizon *= max(longer, 1.0)
+        runs, events = self._converged(loop, step, horizon, samples)
         return [
             SimulatedLoop(
                 controller.text, temperature, step, tuple(t.name for t in self.model.terms),
@@ -155,12 +163,20 @@ class _Bench:
 
         None if fewer than half of the linear loops settle.
         """
-        motors = motor_draws(self.draws, self.temperatures)
-        linear = step_metrics(StepResponse(close(motors, self.temperatures, controller)))
+        linear = step_metrics(StepResponse(self._linear(controller)))
         settling = linear.settling_time[np.isfinite(linear.settling_time)]
         if settling.size < 0.5 * linear.settling_time.size:
             return None
         return _BEYOND_SETTLING * float(np.quantile(settling, 0.95))
+
+    def _linear(self, controller: AbstractController) -> Loop:
+        motors = motor_draws(self.draws, self.temperatures)
+        return close(motors, self.temperatures, controller)
+
+    def _ten_revolutions(self, controller: AbstractController, step: float) -> float:
+        """Time of ten revolutions at the lowest final speed of the stable linear loops [s]."""
+        linear = StepResponse(self._linear(controller))
+        return float(20.0 * np.pi / (step * np.abs(linear.final[linear.is_stable]).min()))
 
     def _step(self, controller: AbstractController, horizon: float) -> float | None:
         """Largest step, to two digits, whose linear response stays in the range of the runs.
@@ -186,10 +202,9 @@ class _Bench:
         return simulated_loop(loop, values, own, step, conditions, time)
 
     def _converged(
-        self, loop: ClosedLoop, step: float, horizon: float
+        self, loop: ClosedLoop, step: float, horizon: float, samples: int
     ) -> tuple[list[LoopRun], list[StepMetrics]]:
         """Simulate for longer and with shorter intervals until the metrics converge."""
-        samples = _SAMPLES
         runs = self._runs(loop, self.values, step, horizon, samples)
         for _ in range(_LONGER):
             if all(np.mean(_settled(run, step)) > 0.5 for run in runs):

@@ -209,6 +209,30 @@ def test_entries_have_the_shape_of_the_exact_ones_and_their_values(fits: tuple[F
         assert entry["phase_margin_deg"]["median"] is None
 
 
+def test_speed_that_ripples_around_its_final_value_has_settled(fits: tuple[Fit, Fit]) -> None:
+    """Cogging of order 3 adds no torque on average, so that the final value is the linear one."""
+    fit = fits[0]
+    term = CoggingTorque(1.0)
+    cogging = {"order": 3.0, "sine": 0.1}
+    draws = spread(fit, 8)
+    model = MotorModel((term,))
+    draws |= {
+        p.name: np.full(8, cogging.get(p.name.removeprefix("cogging_torque."), 0.0))
+        for p in model.parameters[7:]
+    }
+    rippling = replace(fit, simulator=replace(fit.simulator, model=model))
+
+    loops = simulated_loops(rippling, draws, [25.0, 75.0, 125.0], ["P:1"])
+
+    linear = feedback_metrics(draws, [25.0, 75.0, 125.0], ["P:1"])
+    for loop, known in zip(loops, linear, strict=True):
+        last = loop.speed[-loop.time.size // 10 :]
+        assert np.ptp(last, axis=0).min() > 0.03
+        assert loop.settled.all()
+        expected = known["steady_state"]["median"]
+        assert np.median(loop.metrics.steady_state) == pytest.approx(expected, rel=2e-3)
+
+
 def test_step_stays_within_the_range_of_the_runs(fits: tuple[Fit, Fit]) -> None:
     """The largest voltage of a P controller, kp r at the start, is within the range of the runs."""
     records = fits[1].simulator.records
