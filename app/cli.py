@@ -207,12 +207,17 @@ def feedback(
     json: options.AsJson = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Compute step response metrics and stability margins of the speed loop at each temperature."""
+    """Compute step response metrics and stability margins of the speed loop at each temperature.
+
+    The loop is that of the linear motor; a remark on standard error names the effects of the result
+    that are not in it.
+    """
     from app.commands import console, motor
     from app.commands.files import write_json
     from identification.speed_loop import feedback_metrics
 
-    draws, _ = motor.motor_of(result, set or [])
+    draws, content = motor.motor_of(result, set or [])
+    motor.remark_on_effects(content)
     entries = feedback_metrics(draws, temperature or [25.0, 125.0], controller or ["P:1"])
     write_json(out, entries, result)
     console.Output(json, quiet).show(entries, lambda: console.print_feedback(entries))

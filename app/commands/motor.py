@@ -123,6 +123,25 @@ def motor_of(
     return draws, result
 
 
+def remark_on_effects(result: Mapping[str, Any] | None) -> None:
+    """Print a remark if effects of a result act in a speed loop, which the linear one lacks.
+
+    Raises:
+        InputError: An effect of the result is unknown.
+    """
+    from identification.prediction import model_of
+    from identification.speed_loop.closed_loop import acting_terms
+
+    if result is None or not result.get("effects"):
+        return
+    names = [term.name for term in acting_terms(model_of(result)[0])]
+    if names:
+        console.remark(
+            f"the loop is that of the linear motor, without {', '.join(names)}; the report has the "
+            "loop of the fit with them, and motorid tune --controller simulates any other"
+        )
+
+
 def campaign_runs(name: str, data: Path | None) -> tuple[list[Path], list[Path]]:
     """Training and validation runs of a campaign in data/.
 

@@ -14,6 +14,7 @@ from tests.motors import NAMES, drive, motor_named, run_of
 
 __all__ = [
     "CASES",
+    "FILTER",
     "FRICTION",
     "INTERVAL",
     "MOTOR",

@@ -11,6 +11,7 @@ import pytest
 
 from app.cli import main
 from identification.result.draws import write_posterior
+from tests.export.results import FILTER, FRICTION
 
 PAPER = [
     "--set", "Ra25=0.59", "alpha_Ra=0.004", "Kt25=0.071", "alpha_Kt=-0.002",
@@ -114,3 +115,17 @@ def test_malformed_posterior_is_refused(
     assert main(["feedback", "--result", str(tmp_path / "result.json")]) == 2
 
     assert "posterior.nc: is not a posterior of 'motorid fit'" in capsys.readouterr().err
+
+
+def test_effects_that_the_linear_loop_lacks_are_named(
+    fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Friction acts in a speed loop; the filter of a sensor only in the log."""
+    result = json.loads((fitted / "result.json").read_text())
+    result["effects"] = [FRICTION, FILTER]
+    (tmp_path / "result.json").write_text(json.dumps(result))
+
+    assert main(["feedback", "--result", str(tmp_path / "result.json"), "--json"]) == 0
+
+    (told,) = [line for line in capsys.readouterr().err.splitlines() if "linear motor" in line]
+    assert "without coulomb_friction;" in told
