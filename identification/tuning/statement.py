@@ -14,21 +14,28 @@ _LEAST_RISE: Final = 0.02
 
 
 def statement(
-    entry: Mapping[str, Any], probability: float, step: float, reach: float | None
+    entry: Mapping[str, Any],
+    probability: float,
+    step: float,
+    reach: float | None,
+    fastest: float | None,
 ) -> str:
     """Sentences: if a controller meets the specification, by how much it does not, and where.
 
-    `step` is the step of the reference, `reach` the steady speed that the drive reaches, None
-    without limits [rad/s].
+    `step` is the step of the reference, `reach` the steady speed that the drive reaches [rad/s] and
+    `fastest` the rise time with the drive at its limits [s], both None without limits.
     """
+    by_drive = [] if entry["meets"] else _drive(entry["worst"], step, reach, fastest)
     return "; ".join(
-        [*_judgement(entry, probability, step, reach), *_blame(entry), *_hunting(entry)]
+        [
+            *_judgement(entry, probability),
+            *(by_drive or _blame(entry)),
+            *_hunting(entry),
+        ]
     )
 
 
-def _judgement(
-    entry: Mapping[str, Any], probability: float, step: float, reach: float | None
-) -> list[str]:
+def _judgement(entry: Mapping[str, Any], probability: float) -> list[str]:
     worst = entry["worst"]
     label = worst["metric"].replace("_", " ")
     share = f"{100 * entry['probability']:.3g} %"
@@ -57,11 +64,24 @@ def _judgement(
             f"the {label} {at} is {_value(worst)} at the {100 * worst['quantile']:.3g} % quantile, "
             f"{abs(100 * worst['slack']):.3g} % {side} the limit of {_value(worst, 'limit')}"
         )
-    if reach is not None and step > reach:
-        words.append(
-            f"the limits of the drive allow {reach:.3g} rad/s, less than the step of {step:g} rad/s"
-        )
     return words
+
+
+def _drive(
+    worst: Mapping[str, Any], step: float, reach: float | None, fastest: float | None
+) -> list[str]:
+    """The limits of the drive, if no controller can meet the specification within them."""
+    if reach is not None and step > reach:
+        return [
+            f"the limits of the drive allow {reach:.3g} rad/s, less than the step of {step:g} rad/s"
+        ]
+    if worst["metric"] != "rise_time" or fastest is None or fastest <= worst["limit"]:
+        return []
+    return [
+        f"the limits of the drive are to blame: with voltage or current at its limit, a step of "
+        f"{step:g} rad/s rises in {_value({**worst, 'value': fastest})} at the same quantile, so "
+        "no gains meet the specification"
+    ]
 
 
 def _blame(entry: Mapping[str, Any]) -> list[str]:

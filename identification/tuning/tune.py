@@ -31,6 +31,8 @@ _LONGER: Final = 3
 _POINTS: Final = 200
 _SPEED: Final = 100.0
 _OF_REACH: Final = 0.5
+_AT_LIMIT: Final = 1e4
+"""Proportional gain over the static one at which the drive is at a limit up to the reference."""
 
 
 @np.errstate(all="ignore")
@@ -76,13 +78,15 @@ def tune(
     else:
         found = [searched(judge, kind, probability) for kind in kinds]
         given = [(controller_of(k, gains), gains) for k, gains in zip(kinds, found, strict=True)]
-    entries = [_entry(judge, one, probability, reach) for one in given]
+    fastest = _fastest_rise(judge, probability)
+    entries = [_entry(judge, one, probability, (reach, fastest)) for one in given]
     return {
         "schema_version": 1,
         "specification": finite_or_null(asdict(specification)),
         "temperature_degC": temperatures,
         "step_rad_s": judge.step,
         "reachable_rad_s": reach,
+        "fastest_rise_s": fastest,
         "probability": probability,
         "draws": thinned.count,
         "effects": [term.name for term in motor.model.terms],
@@ -125,8 +129,29 @@ def _reach(
     return lowest if np.isfinite(lowest) else None
 
 
+def _fastest_rise(judge: Judge, probability: float) -> float | None:
+    """Rise time with the drive at its limits until the reference is reached [s].
+
+    The fraction `probability` of the draws does not pass it at the worst temperature.  None if the
+    drive has no limit, or if the drive does not reach the reference in time.
+    """
+    limits = (judge.specification.voltage, judge.specification.current)
+    if not np.isfinite(limits).any():
+        return None
+    gain, poles = judge.motor.plants(judge.temperatures[0])
+    # The tiny integral gain makes the reference the final value.
+    gains = np.array([_AT_LIMIT * np.max(poles[:, 2] / gain), np.finfo(float).tiny, 0.0, 0.0])
+    rises = judge.judged(gains[:, None]).metrics["rise_time"][0]
+    slack = slack_at(-np.nan_to_num(rises, nan=np.inf), probability)
+    slowest = -float(np.min(slack))
+    return slowest if np.isfinite(slowest) else None
+
+
 def _entry(
-    judge: Judge, controller: tuple[str, Array], probability: float, reach: float | None
+    judge: Judge,
+    controller: tuple[str, Array],
+    probability: float,
+    reached: tuple[float | None, float | None],
 ) -> dict[str, Any]:
     """Entry of one controller: its judgement, what is to blame, limit cycles and responses."""
     text, gains = controller
@@ -152,7 +177,7 @@ def _entry(
         "blame": [] if share == 1.0 else blamed(judge, gains, samples, probability),
         "responses": _bands(judge, gains, samples),
     }
-    return entry | {"statement": statement(entry, probability, judge.step, reach)}
+    return entry | {"statement": statement(entry, probability, judge.step, *reached)}
 
 
 def _long_enough(judge: Judge, gains: Array) -> tuple[int, Judgement]:

@@ -98,7 +98,24 @@ def test_an_impossible_rise_time_is_said_with_its_amount() -> None:
     assert entry["worst"]["metric"] == "rise_time"
     assert entry["worst"]["value"] >= limit
     assert "above the limit" in entry["statement"]
+    assert "the limits of the drive are to blame" in entry["statement"]
+    assert limit <= found["fastest_rise_s"] <= entry["worst"]["value"]
     assert found["recommended"] is None
+
+
+@pytest.mark.parametrize(("drive", "step"), [("voltage=24", 300.0), ("delay=0", 100.0)])
+def test_drive_that_is_too_weak_or_without_limits_has_no_fastest_rise(
+    drive: str, step: float
+) -> None:
+    """At 24 V the servo turns at 209 rad/s at most; without limits the rise has no lower bound."""
+    specification = parse_specification(f"rise_time=0.1,sample_time=1e-3,{drive}")
+
+    found = tune(
+        motor_of(SERVO), specification, temperatures=[25], controllers=["PI:0.1,8"], step=step
+    )
+
+    assert found["fastest_rise_s"] is None
+    assert "to blame" not in found["controllers"][0]["statement"]
 
 
 def test_a_step_beyond_the_voltage_is_said() -> None:
