@@ -20,6 +20,7 @@ from identification.surrogates.gain import (
     VoltageGainOfRuns,
 )
 from identification.surrogates.gear import GearFriction
+from identification.surrogates.high_pass import SensorHighPass
 from identification.surrogates.laws import (
     AngularFriction,
     Backlash,
@@ -57,6 +58,7 @@ LAWS: Final[tuple[type[AbstractEffect], ...]] = (
     SpeedRipple,
     ReturnSpring,
     SensorDeadZone,
+    SensorHighPass,
     SensorGain,
     VoltageGain,
     SensorGainOfRuns,
