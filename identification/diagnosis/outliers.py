@@ -8,7 +8,8 @@ standard deviation of normal noise.  A normal residual exceeds ten standard devi
 samples.  A sample counts only if its neighbours deviate much less: if the time constants of the
 motor exceed the sample interval, a real deviation of the motor includes the neighbours.  If the
 outliers coincide with steps of the logged voltage, its timing is wrong and no sensor: a loop that
-sets the voltage, waits and then logs both shifts it by one sample.
+sets the voltage, waits and then logs both shifts it by one sample, and a source that is not
+synchronous with the log steps between two samples.
 
 *Weights.* An outlier is not missing physics, but a filter for normal noise would explain it by a
 short burst of voltage.  Samples far from their prediction by all others are weighted under a
@@ -56,8 +57,6 @@ _NEIGHBOUR: Final = 0.5
 """Largest deviation of a neighbour, over that of the sample."""
 _SHARE: Final = 0.5
 """Fraction of the squared error from which the outliers decide the noise estimate."""
-_STEP: Final = 0.1
-"""Change of the voltage in a step at least, over the range of the voltage."""
 _LEVEL: Final = 0.01
 """Probability by chance, up to which outliers are attributed to the steps of the voltage."""
 _CHANNELS: Final = (("current_A", "A"), ("speed_rad_s", "rad/s"))
@@ -134,7 +133,7 @@ def outlier_warnings(simulated: Sequence[Simulated]) -> list[ResultWarning]:
         files = ", ".join(dict.fromkeys(names))
         largest = float(np.abs(residual[outlying]).max())
         steps = [
-            _is_step(s.record.column("voltage"))[keep]
+            _steps(s.record.column("voltage"))[keep]
             for s, keep in zip(simulated, kept, strict=True)
         ]
         if _coincide(outlying, np.concatenate(steps)):
@@ -158,25 +157,29 @@ def _of_timing(files: str, column: str, largest: str) -> ResultWarning:
         f"{files}, column voltage_V: the samples in which the voltage steps fit worst (residual of "
         f"{column} up to {largest}), the others fit: the row of a step does not show when the "
         "motor received it, as in a loop that sets the voltage, waits, and then logs it with the "
-        "response"
+        "response, or from a source that is not synchronous with the log"
     )
     fix = (
         "log in each row the voltage that is set after its samples were taken, or move the voltage "
-        "column by one row; keep these samples"
+        "column by one row; of a source that steps between the samples, log more samples; keep "
+        "these samples"
     )
     return ResultWarning("voltage_step_timing", "warning", message, fix)
 
 
-def _is_step(voltage: Array) -> Bool:
-    """Samples whose voltage differs from the one before by a tenth of its range."""
-    change = np.abs(np.diff(voltage, prepend=voltage[:1]))
-    return np.asarray(change > _STEP * float(np.ptp(voltage)))
+def _steps(voltage: Array) -> Array:
+    """(n,) change of the voltage (n,) from the sample before [V]."""
+    return np.asarray(np.abs(np.diff(voltage, prepend=voltage[:1])))
 
 
-def _coincide(outlying: Bool, steps: Bool) -> bool:
-    """True if all outliers are at steps of the voltage, more often than by chance."""
-    count, share = int(np.count_nonzero(outlying)), float(np.mean(steps))
-    return bool(steps[outlying].all()) and share**count < _LEVEL
+def _coincide(outlying: Bool, steps: Array) -> bool:
+    """True if the voltage steps at all outliers by more than it would by chance.
+
+    The probability that all of n samples are among the fraction f with the largest changes is f^n.
+    """
+    least = float(np.min(steps[outlying]))
+    share = float(np.mean(steps >= least))
+    return least > 0.0 and share ** int(np.count_nonzero(outlying)) < _LEVEL
 
 
 def _is_isolated(residual: Array, limit: float) -> Bool:

@@ -14,6 +14,7 @@ from identification.diagnosis.outliers import (
     root_mean_square,
 )
 from identification.fit.evaluate import Simulated
+from identification.model.composite import INPUTS
 from identification.model.excitation import records_of
 from tests.motors import campaign, motor_named
 
@@ -74,3 +75,19 @@ def test_outliers_at_the_steps_of_the_voltage_are_its_timing() -> None:
         (warning,) = outlier_warnings([replace(one, logged=one.record.measured - residual)])
         assert warning.code == code
     assert outlier_warnings([one]) == []
+
+
+def test_small_steps_of_the_voltage_show_its_timing_too() -> None:
+    """Any step between two samples causes an outlier, also one of a hundredth of the range."""
+    (one,) = simulated([(1.0, 1.0)])
+    held = np.repeat([0.0, 5.0, 4.8, -5.0, -4.9, 3.0, 0.0, 0.1], one.record.rows // 8)
+    voltage = np.pad(held, (0, one.record.rows - held.size), mode="edge")
+    inputs = one.record.inputs.copy()
+    inputs[:, INPUTS.index("voltage")] = voltage
+    residual = one.residual.copy()
+    residual[np.flatnonzero(np.diff(voltage)) + 1, 0] += 10.0
+    record = replace(one.record, inputs=inputs)
+
+    found = [replace(one, record=record, logged=one.record.measured - residual)]
+
+    assert [warning.code for warning in outlier_warnings(found)] == ["voltage_step_timing"]
