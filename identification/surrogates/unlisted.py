@@ -43,7 +43,6 @@ SURROGATES: Final[tuple[type[AbstractEffect], ...]] = (
     DahlFriction,
     Backlash,
     CurrentSaturation,
-    ViscousFrictionOfRuns,
     DryFrictionOfRuns,
     ResistanceChange,
     TorqueConstantChange,
@@ -63,5 +62,6 @@ LAWS: Final[tuple[type[AbstractEffect], ...]] = (
     VoltageGain,
     SensorGainOfRuns,
     VoltageGainOfRuns,
+    ViscousFrictionOfRuns,
 )
 """Physical laws outside the catalogue that the search tries together with its effects."""

@@ -6,11 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.benches.excitation import voltages
+from benchmarks.benches.motors import drawn_motor
+from benchmarks.benches.plant import Drive, Hidden, simulated
+from identification.effects.effect import AbstractEffect
+from identification.effects.friction import CoulombFriction, StribeckFriction
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
+from identification.ingest.run import Run
+from identification.model.excitation import records_of
+from identification.selection.candidates import scales_of
+from identification.selection.screen import screened
 from identification.selection.search import search
 from identification.surrogates.entry import term_of
 from identification.surrogates.run_in import DryFrictionOfRuns, ViscousFrictionOfRuns
+from identification.surrogates.unlisted import LAWS
 from tests.motors import drive, motor_named, run_of
 
 MOTOR = motor_named("servo 100 W")
@@ -38,6 +48,33 @@ def test_viscous_friction_that_runs_in_is_that_of_each_run() -> None:
     own = np.array([state[-1] for state in outcome.fit.states])
     found = (outcome.fit.by_name["b"] + own) / VISCOUS
     np.testing.assert_allclose(found, FACTORS[:-1], rtol=0.05)
+
+
+def test_a_brake_of_another_setting_in_each_run_is_the_first_effect_of_a_search() -> None:
+    """The friction of each run is predicted to gain more than the dry friction that all runs have.
+
+    A search that begins with the dry friction puts it in place of both.  The simulator of the
+    benches shares no code with the model.
+    """
+    rng = np.random.default_rng(6)
+    motor = drawn_motor(rng)
+    time, warm = 2e-3 * np.arange(600, dtype=np.float64), np.full(600, 25.0)
+    hidden, drive_ = Hidden(dry=0.05 * motor.rated_torque), Drive(motor.rated_voltage)
+    brakes = 0.2 * motor.rated_torque / motor.rated_speed * np.array([0.0, 1.0, 2.0, 0.5])
+    runs = []
+    for number, brake in enumerate(brakes):
+        braked = replace(motor, b=motor.b + brake)
+        command = voltages(motor, time, number, False, rng)
+        true = simulated(braked, hidden, drive_, time, command, warm, np.zeros(time.size), 0.0)
+        current = true.current + 0.004 * motor.rated_current * rng.standard_normal(time.size)
+        speed = true.speed + 0.003 * motor.rated_speed * rng.standard_normal(time.size)
+        runs.append(Run(f"run{number}.csv", "0" * 64, time, true.command, current, speed, warm))
+    fit = fit_declared(records_of(runs), "zoh")
+
+    laws: tuple[type[AbstractEffect], ...] = (CoulombFriction, StribeckFriction, *LAWS)
+    scales = scales_of(fit)
+    scores = screened(fit, [one for law in laws for one in law.candidates(scales)])
+    assert isinstance(scores[0].candidate.final, ViscousFrictionOfRuns)
 
 
 def test_either_friction_of_each_run_comes_back_from_a_result() -> None:
