@@ -28,6 +28,7 @@ from identification.checks.finding import Finding, Omission, refusal, suspicion
 from identification.checks.heat import heat_findings, jump_findings
 from identification.checks.instants import aliased_findings, shifted_findings
 from identification.checks.joined import divided, joined_finding, joints_of
+from identification.checks.least_speed import least_speeds_of
 from identification.checks.limited import current_limit_of, without
 from identification.checks.lost_rows import lost_steps_of
 from identification.checks.other_inertia import other_inertia_findings
@@ -80,6 +81,7 @@ def check_runs(runs: Sequence[Run]) -> Verdict:
     for omissions_of in (
         _each(padding_of),
         _each(lost_steps_of),
+        least_speeds_of,
         _each(_limit_of),
         disconnections_of,
         coastings_of,

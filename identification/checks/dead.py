@@ -183,9 +183,20 @@ def stuck_findings(run: Run, signals: Signals) -> Iterator[Finding]:
                 run,
                 column,
                 f"is constant at {signal[start] + 0.0:.6g} for {stop - start} samples from "
-                f"{signals.time[start]:.6g} s while the other channels change; cut the file there",
+                f"{signals.time[start]:.6g} s while the other channels change; "
+                + _advice(column, signal, float(signal[start])),
                 ("RMS error of the voltage balance relative to the other samples", ratio, _STUCK),
             )
+
+
+def _advice(column: str, signal: Array, value: float) -> str:
+    """Remedy for a sensor that stays at a value."""
+    if column == "current_A" and value == 0.0 and np.min(signal) * np.max(signal) == 0.0:
+        return (
+            "the sensor seems to measure one direction only, and reads zero while the motor "
+            "brakes: use one for both directions, or cut the file there"
+        )
+    return "cut the file there"
 
 
 def _first_driven(voltage: Array, start: int, stop: int) -> int:
