@@ -65,10 +65,14 @@ COMPILED: Final = {"once": 2.5e5, "few": 2.5e5, "some": 5e5, "most": 1e6}
 """Operations that are charged for the compilation of one instruction, by effort."""
 
 SHORT: Final = 1_000
-"""Rows up to which a loop that runs once is interpreted, and others are not optimised.
+"""Rows up to which a loop is not optimised.
 
 Unoptimised code is generated in 7 instead of 21 microseconds per instruction, and takes up to 0.6
 instead of 0.3 ns per instruction and block of lanes.  A fit runs a loop over some forty blocks."""
+
+_BRIEF: Final = 7_000
+"""Rows times blocks of lanes up to which a loop that runs once is interpreted: an interpreted
+operation takes 3 ns, and its translation and compilation 20 microseconds."""
 
 _LONG: Final = 40 * SHORT
 """Rows up to which a loop that runs a few times is not optimised."""
@@ -131,11 +135,13 @@ class Scan:
         # Passes for which wide blocks would end first.
         self._suited = 0
 
-    def _form(self, rows: int) -> Level | None:
-        """Form of the loop for a pass over `rows` rows: a level of code, or None if interpreted."""
-        if self._effort == "once" and rows <= SHORT and self._source[1] is None:
+    def _form(self, rows: Sequence[int], lanes: Sequence[int]) -> Level | None:
+        """Form of the loop for records of so many rows and lanes; None if interpreted."""
+        passes = sum(each * -(-wide // LANES) for each, wide in zip(rows, lanes, strict=True))
+        if self._effort == "once" and passes <= _BRIEF and self._source[1] is None:
             return None
-        return 0 if rows <= (_LONG if self._effort in ("once", "few") else SHORT) else 2
+        most = _LONG if self._effort in ("once", "few") else SHORT
+        return 0 if sum(rows) <= most else 2
 
     def _kernel(self, form: Level | None, lanes: int) -> Loaded | Interpreted:
         """Loop over a block of so many lanes, prepared at the first call."""
@@ -185,8 +191,9 @@ class Scan:
         """
         tasks: list[Task] = []
         finals, outputs = [], []
-        form = self._form(sum(rows.shape[0] for rows in inputs))
-        width = self._width(form, [start.shape[1] for start in carries])
+        widths = [start.shape[1] for start in carries]
+        form = self._form([rows.shape[0] for rows in inputs], widths)
+        width = self._width(form, widths)
         if isinstance(parameters, np.ndarray):
             given = [padded(parameters)] * len(inputs)
         else:

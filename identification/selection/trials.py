@@ -221,17 +221,20 @@ class Trials:
         Effects of the same equation and drivers have nearly the same signature.  If one of them
         gained more than predicted, so may the others: the score is taken at a biased model.
         """
-        key, ratio = key_of(current.fit), 1.0
-        # The last of equal keys remains: the best score of each structure.
-        best = {score.structure: score for score in reversed(self._scores.get(key, []))}
-        for score in best.values():
+        key, ratio, signature = key_of(current.fit), 1.0, (term.equation, term.drivers)
+        best: dict[tuple[str, str], float] = {}
+        # The last gain of a structure remains, which is that of its best score.
+        for score in reversed(self._scores.get(key, [])):
             other = score.candidate.final
-            if (other.equation, other.drivers) == (term.equation, term.drivers) and score.gain > 0:
-                found = key | {structure_of(other)}
+            if (other.equation, other.drivers) == signature:
+                best[score.structure] = score.gain
+        for structure, gain in best.items():
+            if gain > 0:
+                found = key | {structure}
                 model = self._evaluated.get(found)
                 fit = self._fits.get(found) if model is None else model.fit
                 if fit is not None:
-                    ratio = max(ratio, (current.fit.cost - fit.cost) / score.gain)
+                    ratio = max(ratio, (current.fit.cost - fit.cost) / gain)
         return self.policy.underestimate * ratio
 
     def refits(
