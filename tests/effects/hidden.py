@@ -1,12 +1,13 @@
-"""Records of a bench simulation for the search."""
+"""Records of a bench simulation for the search, and the kinds among which it has to choose."""
 
 from __future__ import annotations
 
 from bench import Campaign as Measured
 from benchmarks.coverage import run_of
+from identification.effects.catalogue import CATALOGUE
 from identification.fit.campaign import Campaign, campaign_of
 
-__all__ = ["records_of_bench"]
+__all__ = ["all_but", "records_of_bench"]
 
 
 def records_of_bench(measured: Measured) -> Campaign:
@@ -15,3 +16,13 @@ def records_of_bench(measured: Measured) -> Campaign:
         [run_of(run, f"t{k}.csv") for k, run in enumerate(measured.training)],
         [run_of(run, f"v{k}.csv") for k, run in enumerate(measured.validation)],
     )
+
+
+def all_but(*rivals: str) -> set[str]:
+    """Kinds of the catalogue that a search withholds, so that it has to choose among `rivals`.
+
+    A law is told from the few kinds that resemble it; the others take most of the time of a search.
+    That they do not interfere is shown with the whole catalogue in tests of the search.
+    """
+    assert CATALOGUE.keys() >= set(rivals)
+    return CATALOGUE.keys() - set(rivals)

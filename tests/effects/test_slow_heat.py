@@ -17,10 +17,19 @@ from identification.selection.refit import refitted_with
 from identification.selection.search import search
 from identification.selection.start import Along, Start
 from identification.selection.trials import Trials
+from tests.effects.hidden import all_but
 from tests.motors import drive, motor_named, simulated
 
 Array = NDArray[np.float64]
 
+WITHHELD = all_but(
+    "self_heating",
+    "winding_lag",
+    "magnet_lag",
+    "resistance_curvature",
+    "demagnetization",
+    "viscous_temperature",
+)
 MOTOR = replace(motor_named("servo 100 W"), interval=2e-3)
 ROWS = 2000
 """Rows of a run of 4 s."""
@@ -81,7 +90,7 @@ def test_a_body_that_a_run_hardly_cools_does_not_bias_the_temperature_coefficien
     """Its excess follows from its rate and its time constant, which may exceed five runs."""
     split = _campaign(body)
 
-    fit = search(fit_declared(split.training, "zoh"), split).fit
+    fit = search(fit_declared(split.training, "zoh"), split, withheld=WITHHELD).fit
 
     assert effect in [term.name for term in fit.simulator.model.terms]
     at = fit.coordinates.names.index(coefficient)
@@ -115,6 +124,6 @@ def test_a_single_run_that_starts_colder_than_logged_does_not_refuse_heating_by_
     """The housing was warmed from outside before the first run only."""
     split = _campaign("winding", (-30.0, 10.0, 25.0, 4.0))
 
-    fit = search(fit_declared(split.training, "zoh"), split).fit
+    fit = search(fit_declared(split.training, "zoh"), split, withheld=WITHHELD).fit
 
     assert [term.name for term in fit.simulator.model.terms] == ["self_heating"]
