@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
@@ -11,7 +11,7 @@ from identification.selection.outcome import Outcome
 from identification.selection.search import search
 
 
-def outcome_of(runs: Sequence[Run]) -> Outcome:
+def outcome_of(runs: Sequence[Run], withheld: Collection[str] = ()) -> Outcome:
     """Outcome of the search with the last run for validation."""
     campaign = campaign_of(runs[:-1], runs[-1:])
-    return search(fit_declared(campaign.training, "zoh"), campaign)
+    return search(fit_declared(campaign.training, "zoh"), campaign, withheld=withheld)
