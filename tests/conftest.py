@@ -25,16 +25,18 @@ os.environ["SSL_CERT_DIR"] = os.path.dirname(__file__)
 
 LONG = (
     "app/test_torture.py",
-    "checks/test_faults.py",
+    "contract/cli/test_signals.py",
     "contract/test_http_signed_in.py",
     "contract/test_http_slow_answers.py",
     "contract/test_http_walk.py",
     "contract/test_torture.py",
     "effects/test_bad_cases.py",
     "effects/test_lag.py",
-    "effects/test_slow_heat.py",
     "fit/test_knowledge.py",
+    "selection/test_noise_model.py",
     "selection/test_search.py",
+    "surrogates/test_unlisted.py",
+    "tests/test_peers.py",
 )
 """Files that take more than half a minute."""
 

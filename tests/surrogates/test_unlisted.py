@@ -27,37 +27,44 @@ from identification.surrogates.curves import MissingTorque
 from identification.surrogates.entry import term_of
 from identification.surrogates.laws import AngularFriction
 from identification.surrogates.unlisted import LAWS, SURROGATES
-from tests.effects.hidden import records_of_bench
+from tests.effects.hidden import all_but, records_of_bench
 from tests.motors import Motor, campaign, motor_named
 
 
 def _campaign(
-    motor: str | int, effects: list[tuple[str, float] | EffectRequest], seed: int
+    motor: str | int,
+    effects: list[tuple[str, float] | EffectRequest],
+    seed: int,
+    rows: int = 600,
 ) -> Campaign:
-    measured = make_campaign(motor, effects, seed=seed, rows=1200, training=4, validation=1)
+    measured = make_campaign(motor, effects, seed=seed, rows=rows, training=4, validation=1)
     return records_of_bench(measured)
 
 
-def _outcome(motor: str | int, effect: str, size: float, seed: int) -> Outcome:
-    campaign = _campaign(motor, [(effect, size)], seed)
-    return search(fit_declared(campaign.training, "zoh"), campaign)
+FRICTIONS = ("coulomb_friction", "stribeck_friction", "quadratic_drag", "viscous_temperature")
+
+
+def _outcome(campaign: Campaign, *rivals: str) -> Outcome:
+    """Outcome of a search among these kinds of the catalogue, or among all."""
+    withheld = all_but(*rivals) if rivals else ()
+    return search(fit_declared(campaign.training, "zoh"), campaign, withheld=withheld)
 
 
 @pytest.mark.parametrize(
-    ("effect", "equation", "driver"),
+    ("effect", "equation", "driver", "rivals"),
     [
-        ("commutation_loss", "electrical", "current"),
-        ("time_ripple", "mechanical", "time"),
-        ("bristle_friction", "mechanical", "speed"),
-        ("load_dependent_friction", "mechanical", "current"),
-        ("angle_rub", "mechanical", "position"),
+        ("commutation_loss", "electrical", "current", ()),
+        ("time_ripple", "mechanical", "time", ("cogging_torque", "load_step", "load_torque")),
+        ("bristle_friction", "mechanical", "speed", FRICTIONS),
+        ("load_dependent_friction", "mechanical", "current", (*FRICTIONS, "flux_saturation")),
+        ("angle_rub", "mechanical", "position", ("cogging_torque", *FRICTIONS)),
     ],
 )
 def test_an_effect_in_no_catalogue_is_called_unlisted(
-    effect: str, equation: str, driver: str
+    effect: str, equation: str, driver: str, rivals: tuple[str, ...]
 ) -> None:
     """The bench declares equation and driver of the effect."""
-    outcome = _outcome("servo_150w", effect, 0.1, seed=21)
+    outcome = _outcome(_campaign("servo_150w", [(effect, 0.1)], seed=21), *rivals)
 
     assert "unlisted" in [found.name for found in outcome.effects]
     term = next(t for t in outcome.fit.simulator.model.terms if t.name == "unlisted")
@@ -73,7 +80,7 @@ def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
     rub = EffectRequest("rub_above_speed", 0.065, law="square")
     campaign = _campaign("servo_150w", [rub], seed=25)
 
-    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+    outcome = _outcome(campaign, *FRICTIONS)
 
     assert [found.name for found in outcome.effects] == ["unlisted"]
     assert outcome.fit.simulator.model.terms[0].drivers == ("speed",)
@@ -82,9 +89,9 @@ def test_a_drag_that_bends_more_than_drags_do_is_called_unlisted() -> None:
 def test_a_curve_that_may_be_meant_as_well_is_an_alternative() -> None:
     """The same rubbing at half the amplitude is hardly distinguishable from a steep drag."""
     rub = EffectRequest("rub_above_speed", 0.026, law="square")
-    campaign = _campaign("servo_150w", [rub], seed=25)
+    campaign = _campaign("servo_150w", [rub], seed=25, rows=1200)
 
-    (found,) = search(fit_declared(campaign.training, "zoh"), campaign).effects
+    (found,) = _outcome(campaign, *FRICTIONS).effects
 
     assert found.name == "quadratic_drag"
     assert [other.name for other in found.alternatives] == ["unlisted"]
@@ -96,7 +103,7 @@ def test_a_drag_of_another_power_is_still_a_drag() -> None:
     drag = EffectRequest("quadratic_drag", 0.1, law="power_2.3")
     campaign = _campaign("servo_150w", [drag], seed=26)
 
-    (found,) = search(fit_declared(campaign.training, "zoh"), campaign).effects
+    (found,) = _outcome(campaign, *FRICTIONS).effects
 
     assert found.name == "quadratic_drag"
     assert not found.alternatives
@@ -211,7 +218,7 @@ def test_a_friction_that_runs_in_anew_is_traced_to_the_time_in_the_run() -> None
     runs = [run_in(motor, run, rng) for run in clean]
     found = campaign_of(runs[:3], runs[3:])
 
-    outcome = search(fit_declared(found.training, "zoh"), found)
+    outcome = _outcome(found, *FRICTIONS, "load_torque", "load_step")
 
     (term,) = [t for t in outcome.fit.simulator.model.terms if t.name == "unlisted"]
     assert isinstance(term, MissingTorque)
