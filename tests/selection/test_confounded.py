@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from typing import Literal
 
@@ -30,6 +31,15 @@ from tests.effects.hidden import records_of_bench
 from tests.motors import Excitation, campaign, motor_named
 
 
+@functools.cache
+def filtered(motor: str, size: float, rows: int = 1500, training: int = 5) -> tuple[Fit, float]:
+    """Fit without the filter of the current that is in the log, and the true inductance [H]."""
+    request = EffectRequest("current_filter", size=size)
+    hidden = make_campaign(motor, [request], seed=1, rows=rows, training=training)
+    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    return fit, hidden.truth["parameters"]["L"]
+
+
 def interval(fit: Fit, name: str) -> tuple[float, float]:
     """90 % interval of a parameter, including its confounding."""
     posterior = Posterior(fit, effective_fraction(fit))
@@ -53,9 +63,7 @@ def test_interval_of_the_inductance_holds_what_a_filter_hides(motor: str, size: 
 
     By noise alone the interval of L is narrow and wrong.
     """
-    hidden = make_campaign(motor, [EffectRequest("current_filter", size=size)], seed=1, rows=1500)
-    fit = fit_declared(records_of_bench(hidden).training, "zoh")
-    truth = hidden.truth["parameters"]["L"]
+    fit, truth = filtered(motor, size)
     narrow = Posterior(fit, effective_fraction(fit)).normal_draws(1)["L"]
 
     low, high = interval(fit, "L")
@@ -67,8 +75,7 @@ def test_interval_of_the_inductance_holds_what_a_filter_hides(motor: str, size: 
 @pytest.mark.parametrize("motor", ["coreless_10w", "wiper_60w"])
 def test_inductance_that_may_be_the_lag_of_a_sensor_is_not_identified(motor: str) -> None:
     """A filter causes nine tenths of the apparent L / Ra: L is not identifiable, with a warning."""
-    hidden = make_campaign(motor, [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500)
-    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    fit, _ = filtered(motor, 0.4)
     share, terms = effective_fraction(fit), confounded_terms(fit)
     (message,) = [w for w in map(str, confounded_warnings(fit, share, terms)) if w[:4] == "L is"]
 
@@ -90,14 +97,7 @@ def test_optimum_with_the_lag_in_the_sensor_is_the_true_motor(
     16,000 samples are fitted to a subset first, and the optimum is then moved to all samples.  If
     the residual has structure, that of the subset is kept.
     """
-    hidden = make_campaign(
-        "coreless_10w",
-        [EffectRequest("current_filter", size=0.4)],
-        seed=1,
-        rows=rows,
-        training=training,
-    )
-    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    fit, truth = filtered("coreless_10w", 0.4, rows, training)
     terms = confounded_terms(fit, is_structured=is_structured)
     term = next(term for term in terms if term.parameter == "L")
     row = fit.coordinates.names.index("L")
@@ -106,16 +106,12 @@ def test_optimum_with_the_lag_in_the_sensor_is_the_true_motor(
 
     assert term.name == "current_filter"
     assert term.time == pytest.approx(4e-3, rel=0.02)
-    assert fit.coordinates.values(moved)[row] == pytest.approx(
-        hidden.truth["parameters"]["L"], rel=0.2
-    )
+    assert fit.coordinates.values(moved)[row] == pytest.approx(truth, rel=0.2)
 
 
 def test_optimum_of_a_structured_residual_is_fitted_to_the_subset_alone() -> None:
     """All samples say no more than the subset, and a fit to them is several times as much work."""
-    request = EffectRequest("current_filter", size=0.4)
-    hidden = make_campaign("coreless_10w", [request], seed=1, rows=8000, training=2)
-    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    fit, _ = filtered("coreless_10w", 0.4, 8000, 2)
     work = []
     for is_structured in (False, True):
         with metered():
@@ -155,10 +151,7 @@ def test_warning_is_given_beside_parameters_that_were_not_considered() -> None:
 
 def test_known_inductance_is_not_confounded_with_a_sensor() -> None:
     """A measured L leaves no lag that a sensor could cause."""
-    hidden = make_campaign(
-        "coreless_10w", [EffectRequest("current_filter", size=0.4)], seed=1, rows=1500
-    )
-    fit = fit_declared(records_of_bench(hidden).training, "zoh")
+    fit, _ = filtered("coreless_10w", 0.4)
     parameters = [
         replace(p, origin="--known") if p.name == "L" else p for p in fit.coordinates.parameters
     ]
