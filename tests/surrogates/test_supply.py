@@ -15,8 +15,12 @@ from identification.selection.outcome import Outcome
 from identification.selection.search import search
 from identification.surrogates.entry import term_of
 from identification.surrogates.laws import SupplySag
+from tests.effects.hidden import all_but
 
 ROWS = 1500
+WITHHELD = all_but(
+    "brush_drop", "flux_saturation", "self_heating", "voltage_offset", "current_filter"
+)
 TEMPERATURES = (30.0, 65.0, 100.0, 50.0)
 
 
@@ -38,7 +42,7 @@ def outcome_of(seed: int, share: float) -> tuple[Outcome, float, float]:
         speed = true.speed + 0.003 * motor.rated_speed * rng.standard_normal(ROWS)
         runs.append(Run(f"run{number}.csv", "0" * 64, time, true.command, current, speed, warm))
     campaign = campaign_of(runs[:3], runs[3:])
-    outcome = search(fit_declared(campaign.training, "zoh"), campaign)
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign, withheld=WITHHELD)
     return outcome, drive.source, motor.rated_voltage
 
 
