@@ -40,9 +40,9 @@ def mark() -> str:
 
 @pytest.fixture
 def manifest(tmp_path: Path) -> Path:
-    """Six motors, each with a fit of two seconds."""
+    """Four motors, each with a fit of two seconds."""
     (tmp_path / "a.csv").write_bytes(run_text(1))
-    rows = "".join(f"m{number},a.csv,{SLOW}\n" for number in range(6))
+    rows = "".join(f"m{number},a.csv,{SLOW}\n" for number in range(4))
     (tmp_path / "m.csv").write_text(f"motor,training,seed\n{rows}")
     return tmp_path / "m.csv"
 
@@ -91,11 +91,11 @@ def test_interrupted_batch_leaves_no_process_and_is_resumed(
 
     assert (process.returncode, said) == (status, told)
     assert until(lambda: not marked(mark), 5.0)
-    again = begin(mark, "batch", str(manifest), "--out", str(out), "--jobs", "6", "--quiet")
+    again = begin(mark, "batch", str(manifest), "--out", str(out), "--jobs", "4", "--quiet")
     assert (again.communicate(timeout=120)[1], again.returncode) == ("", 0)
     with (out / "results.csv").open(encoding="utf-8") as file:
         statuses = [row["status"] for row in csv.DictReader(file)]
-    assert (len(statuses), "kept" in statuses, statuses[-1]) == (6, True, "fitted")
+    assert (len(statuses), "kept" in statuses, statuses[-1]) == (4, True, "fitted")
 
 
 def interrupted(mark: str, manifest: Path, out: Path, number: int) -> subprocess.Popen[str] | None:
