@@ -174,8 +174,9 @@ def _consolidate(state: State, listed: Budget, *, is_first: bool) -> tuple[bool,
     budget = state.trials.budget
     began = operations()
     state.current = with_filters(state.trials, state.current)
-    enrich(state)
     began = _refunded(began, listed, budget)
+    enrich(state)
+    began = _refunded(began, listed)
     if state.curve is None and is_curve_due(state):
         fit_curve(state)
         # A curve is not in the catalogue, so its cost is not charged to the catalogue's budget.

@@ -25,7 +25,7 @@ from identification.selection.policy import SelectionPolicy
 from identification.selection.refit import swapped
 from identification.selection.score import Score
 from identification.selection.trials import Trials
-from identification.work import Budget
+from identification.work import Budget, operations
 
 __all__ = [
     "State",
@@ -182,16 +182,19 @@ def enrich(state: State) -> None:
     """Replace effects by extended variants or rival laws, as long as these are accepted.
 
     The effects have been accepted among all prototypes; a variant is selected among those of the
-    effects alone.
+    effects alone.  None is left out because another one was expensive, so the budget does not pay
+    for them: with the wrong law of an effect, the intervals would not contain the parameters.
     """
+    trials = state.trials
     effects = effects_of(state.current.fit.simulator.model.terms)
     variants = sum(len(found.richer) + len(found.rival_laws) for found in effects)
     for found in effects:
         left = [*found.richer, *found.rival_laws]
-        while left and not state.trials.budget.spent:
-            term = left.pop(0)
-            richer = state.trials.enriched(state.current, term)
-            criteria = richer.criteria(state.current, variants, state.trials.policy)
+        while left and not trials.budget.spent:
+            began, term = operations(), left.pop(0)
+            richer = trials.enriched(state.current, term)
+            trials.budget.extend(operations() - began)
+            criteria = richer.criteria(state.current, variants, trials.policy)
             is_accepted = criteria.refines
             round_ = max(state.round, 1)
             state.searched.append(

@@ -25,6 +25,7 @@ from identification.selection.evidence import EvaluatedModel
 from identification.selection.refit import refitted_as
 from identification.selection.steps import State, enrich
 from identification.selection.trials import Trials
+from identification.work import Budget
 from tests.motors import Motor, campaign, drive, motor_named, run_of, simulated
 
 Array = NDArray[np.float64]
@@ -126,6 +127,18 @@ def test_the_fit_of_a_warm_magnet_starts_from_a_cool_one() -> None:
     start = refitted_as(model.fit, warm, TerminationLimits(0))
 
     assert start.cost == pytest.approx(model.fit.cost, abs=1.0)
+
+
+def test_an_expensive_variant_leaves_no_other_out() -> None:
+    """The first variant spends more than the budget, and the others are tried all the same."""
+    state = State(*heated(0.0))
+    state.trials.budget = Budget(1e6)
+
+    enrich(state)
+
+    variants = {searched.detail for searched in state.searched}
+    assert {"warm magnet", "two thermal bodies"} <= variants
+    assert not state.trials.budget.spent
 
 
 def at_temperature(degrees: float, third: float, rng: np.random.Generator) -> Run:
