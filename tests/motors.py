@@ -55,6 +55,12 @@ class Motor:
     interval: float
     dwell: int = 50
 
+    def warm(self, degrees: float) -> tuple[float, float, float, float, float]:
+        """Ra, Kt, J, b and L at a temperature [degC]."""
+        ra, alpha_ra, kt, alpha_kt, inertia, friction, inductance = self.values
+        heat = degrees - 25.0
+        return ra * (1 + alpha_ra * heat), kt * (1 + alpha_kt * heat), inertia, friction, inductance
+
     @property
     def vector(self) -> Array:
         """(7,) the values."""

@@ -11,7 +11,7 @@ from benchmarks.absurd_runs import EXCITATIONS, FAULTS, drawn
 from benchmarks.fuzz_fits import ending_of
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(20))
 def test_an_absurd_campaign_ends_in_a_result_or_a_named_error(seed: int) -> None:
     """Runs of 50 to 100 samples, without sampling and without a search for effects."""
     case = drawn(seed, rows=100, effects=0.0, posterior=0.0)

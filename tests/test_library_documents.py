@@ -31,7 +31,7 @@ def equal_calls_once() -> Iterator[None]:
     found: dict[str, identification.Identification] = {}
 
     def once(*arguments: Any) -> identification.Identification:
-        """What `identify` returns, of equal texts of arguments the same."""
+        """Identify the runs, or return the result of an earlier call with equal arguments."""
         key = repr(arguments)
         if key not in found:
             found[key] = identify(*arguments)

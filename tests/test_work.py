@@ -85,13 +85,13 @@ def test_unknown_effort_is_refused_with_the_levels() -> None:
         FitOptions(effort="much")  # type: ignore[arg-type]
 
 
-def test_result_is_the_same_bytes_with_one_and_sixteen_threads(tmp_path: Path) -> None:
+def test_result_is_the_same_bytes_with_one_two_and_sixteen_threads(tmp_path: Path) -> None:
     """A motor with Coulomb friction exercises search, sampler and linear algebra."""
     make_campaign(
         "servo_150w", ["coulomb_friction"], seed=5, rows=370, training=1, validation=0
     ).write(tmp_path)
     written = []
-    for number in (1, 16):
+    for number in (1, 2, 16):
         out = tmp_path / str(number)
         words = [
             sys.executable,
@@ -104,5 +104,5 @@ def test_result_is_the_same_bytes_with_one_and_sixteen_threads(tmp_path: Path) -
         subprocess.run(words, check=True, env=os.environ | {"OPENBLAS_NUM_THREADS": str(number)})
         written.append((out / "result.json").read_text(encoding="utf-8"))
 
-    assert written[0] == written[1]
+    assert written[0] == written[1] == written[2]
     assert json.loads(written[0])["options"]["effort"] == "quick"

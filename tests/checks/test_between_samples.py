@@ -24,7 +24,7 @@ Course = Literal["held", "steps at any time", "fast binary", "sines"]
 MOTOR = np.array([1.0, 0.0039, 0.05, -0.001, 5e-5, 1e-5, 5e-4])
 """Time constants of 0.5 ms and 20 ms."""
 SETTLING = 0.02
-PARTS = 20
+PARTS = 100
 """Simulated intervals for each sample."""
 ROWS = 600
 
@@ -107,7 +107,7 @@ def test_the_refusal_says_what_to_record() -> None:
     (finding,) = check_runs([_run("steps at any time", 5.0 * SETTLING, 1)]).refused
 
     assert "100 ms apart" in finding.message
-    assert "follows the voltage of the same sample" in finding.message
+    assert "rad_s follows the voltage of the same sample" in finding.message
     assert "several samples in the mechanical time constant" in finding.remedy
 
 

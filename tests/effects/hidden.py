@@ -21,8 +21,8 @@ def records_of_bench(measured: Measured) -> Campaign:
 def all_but(*rivals: str) -> set[str]:
     """Kinds of the catalogue that a search withholds, so that it has to choose among `rivals`.
 
-    A law is told from the few kinds that resemble it; the others take most of the time of a search.
-    That they do not interfere is shown with the whole catalogue in tests of the search.
+    The rivals are the effects with a similar signature; a search without the others is faster.
+    Tests of the search use the whole catalogue.
     """
     assert CATALOGUE.keys() >= set(rivals)
     return CATALOGUE.keys() - set(rivals)

@@ -64,9 +64,9 @@ def _first_crossing(
     return float(high)
 
 
-@settings(deadline=None, max_examples=3)
+@settings(deadline=None, max_examples=6)
 @given(
-    st.lists(stable_loops(), min_size=2, max_size=3).filter(
+    st.lists(stable_loops(), min_size=2, max_size=5).filter(
         lambda x: len({y.numerator.shape for y in x}) == 1
     )
 )

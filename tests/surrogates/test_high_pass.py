@@ -29,9 +29,7 @@ def coupled(rng: np.random.Generator, degrees: float, channel: Channel, lag: flo
     """
     voltage = drive(MOTOR, "steps", ROWS, rng)
     run = run_of(MOTOR, voltage, np.full(ROWS, degrees), np.zeros(2))
-    ra, alpha_ra, kt, alpha_kt, inertia, friction, inductance = MOTOR.values
-    heat = degrees - 25.0
-    ra, kt = ra * (1 + alpha_ra * heat), kt * (1 + alpha_kt * heat)
+    ra, kt, inertia, friction, inductance = MOTOR.warm(degrees)
     rates = np.zeros((4, 4))
     rates[0] = -ra / inductance, -kt / inductance, 0.0, 1.0 / inductance
     rates[1] = kt / inertia, -friction / inertia, 0.0, 0.0

@@ -30,9 +30,7 @@ def against_a_spring(rng: np.random.Generator, degrees: float) -> Run:
     """Run of the nominal motor with a preloaded linear spring, exact for each interval."""
     voltage = drive(MOTOR, "steps", ROWS, rng)
     run = run_of(MOTOR, voltage, np.full(ROWS, degrees), np.zeros(2))
-    ra, alpha_ra, kt, alpha_kt, inertia, friction, inductance = MOTOR.values
-    heat = degrees - 25.0
-    ra, kt = ra * (1 + alpha_ra * heat), kt * (1 + alpha_kt * heat)
+    ra, kt, inertia, friction, inductance = MOTOR.warm(degrees)
     rates = np.zeros((5, 5))
     rates[0] = -ra / inductance, -kt / inductance, 0.0, 1.0 / inductance, 0.0
     rates[1] = np.array([kt, -friction, -STIFFNESS, 0.0, -PRELOAD]) / inertia
