@@ -143,7 +143,7 @@ class Predictor:
         count = max(counts, self._instants)
         simulator = replace(simulator, substeps=evenly([voltage.size], count))
         values = self._all(values, load)
-        states = simulator.states_of_substeps(values, [start])[0][:, :2, :]
+        states = simulator.states(values, [start], of_substeps=True)[0][:, :2, :]
         return states, self.conditions.interval / count
 
     @cached_property

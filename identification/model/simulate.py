@@ -13,9 +13,9 @@ Both are fixed during an optimisation, so that the cost is a smooth function of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Final
 
 import casadi as ca
@@ -30,7 +30,14 @@ from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
 from identification.model.scan import Effort, Scan, scan_of
 from identification.model.step import advance, step_function
 from identification.model.step_plan import StepPlan, plan_for, stiffness
-from identification.model.substeps import MOST_SUBSTEPS, Substeps, divided, evenly, refined
+from identification.model.substeps import (
+    MOST_SUBSTEPS,
+    Substeps,
+    divided,
+    errors_of,
+    evenly,
+    refined,
+)
 from identification.model.weighting import Weighting
 
 __all__ = ["Simulator", "initial_states"]
@@ -126,8 +133,7 @@ class Simulator:
     ) -> Simulator:
         """Simulator with a step plan for `values`, (n_parameter,) or (n_parameter, n_lane).
 
-        The plan covers the stiffest lane.  The edge samples that the model cannot predict lose
-        their weight.
+        The plan is for the stiffest lane.  Edge samples that the model cannot predict lose weight.
         """
         states = [initial_states(model, record) for record in records]
         stiffest = stiffness(model, records, values, states)
@@ -163,25 +169,24 @@ class Simulator:
         """Simulator with the fewest substeps whose discretisation error the noise hides.
 
         A single interval may be wrong by a fiftieth of the noise.  How such errors accumulate is
-        measured against a simulation with an eight times smaller tolerance.  If the two differ, the
-        finer simulation takes over and is tested in the same way, up to three times.  The arguments
-        are those of `with_tolerance`, with the noise (2,) of current and speed [A, rad/s].
+        measured with an eight times smaller tolerance.  If the two differ, the finer one is tested
+        in the same way, up to three times.  The arguments are those of `with_tolerance`, with the
+        noise (2,) of current and speed [A, rad/s].
         """
-        tolerance = _LOCAL
-        coarse = self.with_tolerance(values, states, tolerance * deviation)
+        tolerance, (substeps, measured) = _LOCAL, self._errors_at(values, states)
+        substeps, errors = refined(substeps, measured, tolerance * deviation, _ROUNDS)
+        coarse = self._with(substeps)
         for _ in range(_ATTEMPTS):
             tolerance /= _FINER
-            fine = coarse.with_tolerance(values, states, tolerance * deviation, rounds=1)
-            if not coarse.differs_from(fine, values, states, deviation):
-                return coarse
-            coarse = fine
+            more, later = refined(substeps, measured, tolerance * deviation, 1, errors=errors)
+            fine = coarse._with(more)
+            if more is substeps or not coarse.differs_from(fine, values, states, deviation):
+                break
+            coarse, substeps, errors = fine, more, later
         return coarse
 
     def finer(self, values: Array, states: Sequence[Array], deviation: Array) -> Simulator:
-        """Simulator with an eight times smaller tolerance than an accurate one has at first.
-
-        The arguments are those of `accurate`.
-        """
+        """Simulator with an eighth of the tolerance that `accurate` tries first."""
         return self.with_tolerance(values, states, _LOCAL / _FINER * deviation)
 
     def differs_from(
@@ -218,17 +223,22 @@ class Simulator:
         rad/s].  Errors are measured `rounds` times at most; no substep is shorter than its interval
         over `most`.
         """
-        substeps = self.substeps or evenly([record.rows for record in self.records], 1)
+        substeps, measured = self._errors_at(values, states)
+        return self._with(refined(substeps, measured, tolerance, rounds, most)[0])
+
+    def _errors_at(
+        self, values: Array, states: Sequence[Array]
+    ) -> tuple[tuple[Substeps, ...], Callable[[Sequence[Substeps]], list[Array]]]:
+        """Present substeps, and the function that measures the errors of any substeps."""
         inputs = [self._shifted(record.inputs) for record in self.records]
         start = values[:, None], [_lanes(state, 1) for state in states]
-        for _ in range(rounds):
-            more = refined((self.model, self.plan), inputs, substeps, start, tolerance, most)
-            if all(a.rows == b.rows for a, b in zip(more, substeps, strict=True)):
-                break
-            substeps = more
-        if all(each.rows == each.counts.size for each in substeps):
-            return replace(self, substeps=None)
-        return replace(self, substeps=substeps)
+        substeps = self.substeps or evenly([each.rows for each in self.records], 1)
+        return substeps, partial(errors_of, (self.model, self.plan), inputs, start)
+
+    def _with(self, substeps: tuple[Substeps, ...]) -> Simulator:
+        """Simulator with other substeps; this one if they are its own."""
+        found = None if all(each.rows == each.counts.size for each in substeps) else substeps
+        return self if found is self.substeps else replace(self, substeps=found)
 
     @property
     def steps(self) -> int:
@@ -312,18 +322,12 @@ class Simulator:
     def _kept(self) -> dict[str, tuple[tuple[object, ...], tuple[MisfitLoop, list[Array]]]]:
         return {}
 
-    def states(self, values: Array, states: Sequence[Array]) -> list[Array]:
-        """State trajectories, for each record (n_sample, n_state, n_lane)."""
-        return self._trajectories(values, states, self.first_rows)
-
-    def states_of_substeps(self, values: Array, states: Sequence[Array]) -> list[Array]:
-        """State at the begin of each substep, for each record (n_substep, n_state, n_lane)."""
-        return self._trajectories(values, states, None)
-
-    def _trajectories(
-        self, values: Array, states: Sequence[Array], rows: list[Index] | None
+    def states(
+        self, values: Array, states: Sequence[Array], *, of_substeps: bool = False
     ) -> list[Array]:
+        """State of each sample or at the begin of each substep, (n_row, n_state, n_lane)."""
         carries = [_lanes(state, values.shape[1]) for state in states]
+        rows = None if of_substeps else self.first_rows
         return sampled(_states_scan(self.model, self.plan), self.inputs, rows, values, carries)
 
 

@@ -15,7 +15,7 @@ Source: Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 2
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Final
@@ -31,7 +31,7 @@ from identification.model.scan import Scan, scan_of
 from identification.model.step import advance, part_of_interval
 from identification.model.step_plan import StepPlan
 
-__all__ = ["MOST_SUBSTEPS", "Substeps", "divided", "doublings", "error_scan", "evenly", "refined"]
+__all__ = ["MOST_SUBSTEPS", "Substeps", "divided", "doublings", "errors_of", "evenly", "refined"]
 
 MOST_SUBSTEPS: Final = 64
 """Sample interval over the shortest substep, at most."""
@@ -116,37 +116,59 @@ def error_scan(model: MotorModel, plan: StepPlan) -> Scan:
     return scan_of(ca.Function("errors", [x, u, p], [end, (end - step(x, u, p))[:2]]), effort="few")
 
 
-def refined(
+def errors_of(
     loop: tuple[MotorModel, StepPlan],
     inputs: Sequence[Array],
-    substeps: Sequence[Substeps],
     start: tuple[Array, Sequence[Array]],
-    tolerance: Array,
-    most: int = MOST_SUBSTEPS,
-) -> tuple[Substeps, ...]:
-    """Substeps of all records after one measurement of the integration errors, block by block.
+    substeps: Sequence[Substeps],
+) -> list[Array]:
+    """Integration errors of the substeps of each record (n_row, 2) [A, rad/s], block by block.
 
-    For each record the inputs are (n_sample, n_input), with the substeps at which the errors are
-    measured.  The start has physical values (n_parameter, 1), and an initial state (n_state, 1) of
-    each record.  The tolerance is the allowed error of current and speed per sample interval (2,)
-    [A, rad/s]; no substep becomes shorter than its interval over `most`.
+    For each record the inputs are (n_sample, n_input).  The start has physical values (n_parameter,
+    1), and an initial state (n_state, 1) of each record.
     """
     scan, values, carries = error_scan(*loop), start[0], list(start[1])
-    found: list[list[NDArray[np.int64]]] = [[] for _ in substeps]
+    found: list[list[Array]] = [[] for _ in substeps]
     rows = sum(each.rows for each in substeps)
     for going, parts in blocks([each.counts.size for each in substeps], rows):
-        pieces = [substeps[k].of(part) for k, part in zip(going, parts, strict=True)]
         fine = [
-            divided(inputs[k][part], piece, loop[0].held)
-            for k, part, piece in zip(going, parts, pieces, strict=True)
+            divided(inputs[k][part], substeps[k].of(part), loop[0].held)
+            for k, part in zip(going, parts, strict=True)
         ]
         ends, errors = scan(fine, values, [carries[k] for k in going])
-        for k, piece, end, error in zip(going, pieces, ends, errors, strict=True):
+        for k, end, error in zip(going, ends, errors, strict=True):
             carries[k] = end
-            found[k].append(doublings(piece, error[:, :, 0], tolerance, most))
-    return tuple(
-        each.halved(np.concatenate(times)) for each, times in zip(substeps, found, strict=True)
-    )
+            found[k].append(error[:, :, 0].copy())
+    return [np.concatenate(parts) for parts in found]
+
+
+def refined(
+    substeps: tuple[Substeps, ...],
+    measured: Callable[[Sequence[Substeps]], list[Array]],
+    tolerance: Array,
+    rounds: int,
+    most: int = MOST_SUBSTEPS,
+    errors: list[Array] | None = None,
+) -> tuple[tuple[Substeps, ...], list[Array] | None]:
+    """Substeps of all records, halved until each sample interval meets the tolerance.
+
+    The tolerance is the allowed error of current and speed per sample interval (2,) [A, rad/s]; no
+    substep becomes shorter than its interval over `most`.  The errors of substeps, (n_row, 2) for
+    each record, are `measured` and the substeps halved at most `rounds` times; those of the given
+    ones are not measured again if known.
+
+    Returns:
+        The substeps, the given ones if none is halved, and their errors; None if not measured.
+    """
+    for _ in range(rounds):
+        errors = measured(substeps) if errors is None else errors
+        pairs = zip(substeps, errors, strict=True)
+        halvings = [doublings(each, error, tolerance, most) for each, error in pairs]
+        if not any(times.any() for times in halvings):
+            break
+        pieces = zip(substeps, halvings, strict=True)
+        substeps, errors = tuple(each.halved(times) for each, times in pieces), None
+    return substeps, errors
 
 
 def doublings(

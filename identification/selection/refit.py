@@ -252,7 +252,7 @@ def refined(
             return fit
         here = (fit.values, fit.states, fit.weighting.deviation)
         simulator = fit.simulator.accurate(*here)
-        if not fit.simulator.differs_from(simulator, *here):
+        if simulator is fit.simulator or not fit.simulator.differs_from(simulator, *here):
             return fit
         before = fit
         # With finer substeps the fit may reach a stiffer motor than its step plan allows.
