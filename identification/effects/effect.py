@@ -125,6 +125,7 @@ class AbstractEffect(AbstractTerm):
         amplitude_scale: Field with the standard deviation of the amplitudes that are free in each
             record, of an effect that can have such amplitudes.
         heats: True if the sum of its states is a rise of the winding by its own losses [K].
+        is_approximate: True if its formula stands for laws of another form.
     """
 
     source: ClassVar[str]
@@ -134,6 +135,7 @@ class AbstractEffect(AbstractTerm):
     laws: ClassVar[tuple[type[AbstractEffect], ...]] = ()
     amplitude_scale: ClassVar[str] = ""
     heats: ClassVar[bool] = False
+    is_approximate: ClassVar[bool] = False
 
     @classmethod
     @abstractmethod
@@ -187,10 +189,7 @@ class AbstractEffect(AbstractTerm):
 
     @property
     def rival_laws(self) -> tuple[AbstractEffect, ...]:
-        """Other laws of the effect with as many parameters; often none.
-
-        They are tried before another effect is kept, which may only make up for the wrong law.
-        """
+        """Other laws with as many parameters, tried before the next effect is kept; often none."""
         return ()
 
     @property

@@ -235,9 +235,10 @@ class MotorModel:
         resistance = coefficient_at(values.Ra25, values.alpha_Ra, winding) * factor["Ra"]
         constant = coefficient_at(values.Kt25, values.alpha_Kt, magnet) * factor["Kt"]
         inertia = values.J * factor["J"]
-        signals = replace(signals, resistance=resistance, inertia=inertia)
         current, speed = signals.current, signals.speed
-        net = constant * current - values.b * factor["b"] * speed + torque
+        motor = constant * current
+        signals = replace(signals, resistance=resistance, inertia=inertia, motor_torque=motor)
+        net = motor - values.b * factor["b"] * speed + torque
         torque += sum(
             term.loss(net, signals, v)
             for term, _, v in parts

@@ -117,10 +117,11 @@ class Signals:
     winding_temperature: Expression = None
     """Effective temperature of the winding [degC]."""
     resistance: Expression = None
-    """Armature resistance at this temperature, with the factors of all terms [ohm]; known to the
-    rates of the terms' own states only."""
+    """Armature resistance with the factors of all terms [ohm]; known to rates of states only."""
     inertia: Expression = None
     """Inertia of the rotor, with the factors of all terms [kg m^2]; known to the same rates."""
+    motor_torque: Expression = None
+    """Torque of the motor, Kt i [N m]; known to the same rates and to losses of torque only."""
     turn: Expression = None
     """Change of the angle over a step of the integration, if torques are averaged over it [rad]."""
     voltage_change: Expression = None
@@ -167,8 +168,7 @@ class AbstractTerm(ABC):
     def tracked(self) -> tuple[tuple[str, str], ...]:
         """States with the sine and cosine amplitudes of harmonics 1, 2, ..., for order tracking.
 
-        Empty unless the term depends on an integrated angle, which drifts; its parameter `order` is
-        then the number of periods per revolution.
+        Empty unless the term depends on an integrated angle; `order` is its periods per revolution.
         """
         return ()
 

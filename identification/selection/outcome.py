@@ -8,6 +8,10 @@ coefficients, however many samples they have.  The odds of the effect against th
 therefore those of the Schwarz criterion with that number as sample size: the effect has to reduce
 the discrepancy far more than the best of all prototypes would by chance.
 
+An `unlisted` law of approximate form leaves a discrepancy as well, although further effects may
+absorb it.  Two powers of a signal whose exponents differ by one, such as x and x^2, share 15/16 of
+their mean square, so an effect beside such a law is compared with 1/16 of what the law explains.
+
 Source: Kennedy and O'Hagan, J. Royal Statistical Society B 63 (2001), 425-464 (discrepancy of a
 model); Berger, Bayarri and Pericchi, Econometric Reviews 33 (2014), 197-217 (effective sample size
 in the Schwarz criterion).
@@ -17,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from scipy.special import expit
@@ -31,6 +36,9 @@ from identification.selection.tracing import Trace
 from identification.surrogates.curve import HEIGHTS
 
 __all__ = ["Alternative", "Found", "Outcome", "Searched"]
+
+_FORM: Final = 1.0 / 16.0
+"""Fraction of the mean square of x^2, uniform from 0 to its largest value, that a x leaves."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,8 @@ class Found:
     unknown."""
     is_comparable: bool = True
     """False if none of the compared models explains the runs, so that their odds say nothing."""
+    is_approximate: bool = False
+    """True if its law is `unlisted` and stands for laws of another form."""
 
     @property
     def others(self) -> list[tuple[str, float]]:
@@ -85,25 +95,37 @@ class Found:
         )
         return replace(self, probability=share * self.probability, alternatives=alternatives)
 
-    def given(self, ratios: Array) -> Found:
+    @property
+    def fall(self) -> float:
+        """Logarithm of the RMS error without the effect over that with it, summed over channels."""
+        criteria, seen = self.criteria, self.criteria.validation
+        return criteria.training if seen is None or criteria.local or criteria.varies else seen
+
+    def given(self, ratios: Array, approximate: float = 0.0) -> Found:
         """The effect with its probabilities given what the final model leaves unexplained.
 
         If the fit without the effect decided nothing, that model is as probable as the one with it.
         The ratios (n_channel,) are the RMS error of the final model over the largest that noise
-        explains [-].
+        explains [-]; `approximate` is the `fall` by a law of the model whose form is approximate.
         """
-        criteria, seen = self.criteria, self.criteria.validation
-        fall = criteria.training if seen is None or criteria.local or criteria.varies else seen
-        after = float(np.sum(np.maximum(ratios**2 - 1.0, 0.0)))
         odds = self._scaled(1.0 / (1.0 + self.probability)) if self.is_undecided else self
-        if self.name == "unlisted" or not after > 0.0:
+        after = _discrepancy(ratios)
+        explained = _discrepancy(ratios, self.fall) - after
+        left = after + _FORM * (_discrepancy(ratios, approximate) - after)
+        if self.name == "unlisted" or not left > 0.0:
             return odds
-        # The fall is the sum over both channels of the logarithm of the RMS error.
-        before = float(np.sum(np.maximum(ratios**2 * np.exp(min(fall, 100.0)) - 1.0, 0.0)))
-        gain = 0.5 * HEIGHTS * np.log(max(before, 1e-300) / after)
-        chance = by_chance(criteria.unknowns, HEIGHTS, criteria.tried)
+        gain = 0.5 * HEIGHTS * np.log(max(1.0 + explained / left, 1e-300))
+        chance = by_chance(self.criteria.unknowns, HEIGHTS, self.criteria.tried)
         share = float(expit(gain - chance))
         return replace(odds._scaled(share), outside=1.0 - share)
+
+
+def _discrepancy(ratios: Array, fall: float = 0.0) -> float:
+    """Mean square above the noise, summed over the channels, where the error is larger by `fall`.
+
+    The fall is the sum over both channels of the logarithm of the RMS error.
+    """
+    return float(np.sum(np.maximum(ratios**2 * np.exp(min(fall, 100.0)) - 1.0, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -149,7 +171,10 @@ class Outcome:
 
     def given(self, ratios: Array) -> Outcome:
         """The outcome with the probabilities of its effects as of `Found.given`."""
-        return replace(self, effects=tuple(found.given(ratios) for found in self.effects))
+        approximate = max((found.fall for found in self.effects if found.is_approximate), default=0)
+        return replace(
+            self, effects=tuple(found.given(ratios, approximate) for found in self.effects)
+        )
 
     @property
     def doubtful(self) -> tuple[OmittedTerm, ...]:

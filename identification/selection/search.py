@@ -34,6 +34,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import Literal
 
+from identification.effects.effect import effects_of
 from identification.fit.campaign import Campaign
 from identification.fit.solve import Fit
 from identification.selection.curves import (
@@ -252,7 +253,7 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
     """Effects of the current model with alternatives, and a better-ranked model if there is one."""
     current, trials = state.current, state.trials
     effects, better = [], None
-    for term in current.fit.simulator.model.terms:
+    for term in effects_of(current.fit.simulator.model.terms):
         simpler = trials.without(current, term)
         criteria = trials.criteria(current, simpler)
         known = trials.evaluated_rivals(simpler, term.name)
@@ -270,7 +271,8 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
         alternatives = _alternatives(rated, trials.policy.reported_probability)
         is_open = current.is_undecided(simpler.fit)
         removal = removal_steps(current.fit, simpler.fit)
-        effects.append(Found(term.name, share, criteria, alternatives, 0.0, is_open, removal))
+        one = Found(term.name, share, criteria, alternatives, 0.0, is_open, removal)
+        effects.append(replace(one, is_approximate=term.is_approximate))
     return sorted(effects, key=lambda effect: -effect.criteria.gain), better
 
 

@@ -69,11 +69,15 @@ def term_of(entry: object) -> AbstractEffect:
 def _law(
     laws: Sequence[type[AbstractEffect]], settings: Mapping[str, object]
 ) -> type[AbstractEffect] | None:
-    """The law with exactly these settings, or None."""
+    """The law with exactly these settings, or with these and defaults, or None."""
+    defaults = []
     for law in laws:
-        if {field.name for field in dataclasses.fields(law)} == set(settings):
+        fields = {field.name: field.default for field in dataclasses.fields(law)}
+        if set(fields) == set(settings):
             return law
-    return None
+        needed = {name for name, default in fields.items() if default is dataclasses.MISSING}
+        defaults += [law] if needed <= set(settings) <= set(fields) else []
+    return next(iter(defaults), None)
 
 
 def _without_lists(value: object) -> object:

@@ -26,33 +26,51 @@ class GearFriction(AbstractEffect, AbstractTransmission):
 
         tau = -c |J dw/dt| sgn w                                            [N m]
 
-    The motor accelerates an inertia J (1 + c) and brakes one of J (1 - c).  If a share of J turns
-    before the gear, c is the coefficient of the gear times the share behind it.
+        tau = -c |Kt i| sgn w                                               [N m]
+
+    With the first law, the motor accelerates an inertia J (1 + c) and brakes one of J (1 - c).  If
+    a share of J turns before the gear, c is the coefficient of the gear times the share behind it.
+    With the second law, the gear also transmits what overcomes the friction.
     """
 
     torque_size: float
     """Torque scale [N m]."""
     speed_size: float
     """Speed scale [rad/s]."""
+    of_motor: bool = False
+    """True for the second law."""
 
     name = "unlisted"
-    variant = "friction in proportion to the load of a gear"
     drivers = ("speed", "current")
+    is_approximate = True
     source = (
         "Pelchen, Schweiger and Otter, Proc. 2nd International Modelica Conference (2002), 257-266 "
         "(mesh friction)"
     )
 
     @property
+    def variant(self) -> str:
+        """The torque that the gear transmits."""
+        torque = "torque of the motor" if self.of_motor else "load of a gear"
+        return f"friction in proportion to the {torque}"
+
+    @property
+    def rival_laws(self) -> tuple[GearFriction]:
+        """The other law."""
+        return (replace(self, of_motor=not self.of_motor),)
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
-        meaning = "friction torque over the torque that accelerates the load, c in the formula"
+        meaning = "friction torque over the torque that the gear transmits, c in the formula"
         return (replace(amplitude("share", "-", meaning, 1.0), upper=_MOST),)
 
     def loss(self, net: Expression, signals: Signals, values: Values) -> Expression:
-        speed = signals.speed
+        speed, torque = signals.speed, signals.motor_torque if self.of_motor else net
         sign = speed / ca.sqrt(speed * speed + (_WIDTH * self.speed_size) ** 2)
-        size = ca.sqrt(net * net + (_WIDTH * self.torque_size) ** 2)
+        size = ca.sqrt(torque * torque + (_WIDTH * self.torque_size) ** 2)
         part = values.share * sign
+        if self.of_motor:
+            return -part * size
         return part * (part * net - size) / (1 - part * part)
 
     @classmethod

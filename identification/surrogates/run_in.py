@@ -1,5 +1,7 @@
 """Friction that differs from run to run, as bearings and brushes run in and grease spreads.
 
+It may also fade within each run, as grease warms up.
+
 If all runs have a dry friction as well, its differences are a variant of Coulomb friction, which is
 in the catalogue.
 """
@@ -7,14 +9,14 @@ in the catalogue.
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Final, Self
 
 import casadi as ca
 
 from identification.effects.effect import AbstractEffect, CampaignScales, Candidate
 from identification.effects.friction import SHARPER, SIGN_WIDTH
-from identification.effects.parameters import amplitude, columns
+from identification.effects.parameters import amplitude, columns, shape
 from identification.effects.runs import EACH_RUN
 from identification.model.parameter import Parameter
 from identification.model.term import AbstractTorque, Expression, Signals, State, Values
@@ -23,16 +25,30 @@ __all__ = ["DryFrictionOfRuns", "ViscousFrictionOfRuns"]
 
 _SIZE: Final = 0.05
 """First guess of the friction at the RMS speed, over the torque scale."""
+_FADING: Final = (0.05, 20.0)
+"""Time constants that are told from an event at the start and from a constant, over the duration of
+the longest run."""
+_FIRST: Final = 0.5
+"""First guess of the time constant over the duration of the longest run."""
 
 
+@dataclass(frozen=True)
 class _FrictionOfRuns(AbstractEffect, AbstractTorque):
-    """Friction whose coefficient c is free in each record, as a constant state."""
+    """Friction whose coefficient c is free in each record, as a state."""
 
+    duration: float = field(default=0.0, kw_only=True)
+    """Duration of the longest run [s]; zero if unknown."""
+    fades: bool = field(default=False, kw_only=True)
+    """True if the coefficient falls exponentially within each run."""
+
+    constant: ClassVar[str]
+    """Variant with a constant coefficient."""
     unit: ClassVar[str]
     """Unit of the coefficient."""
 
     name = "unlisted"
     drivers = ("time", "speed")
+    is_approximate = True
     source = "Harris and Kotzalas, Rolling Bearing Analysis, 5th edition, chapter 10 (friction)"
 
     @property
@@ -45,12 +61,24 @@ class _FrictionOfRuns(AbstractEffect, AbstractTorque):
         """Torque against the motion for a coefficient of one."""
 
     @property
+    def variant(self) -> str:
+        return f"{self.constant}, which fades within it" if self.fades else self.constant
+
+    @property
+    def richer(self) -> tuple[Self, ...]:
+        return () if self.fades or not self.duration else (replace(self, fades=True),)
+
+    @property
     def varies(self) -> bool:
         return True
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        return ()
+        if not self.fades:
+            return ()
+        lower, upper = (share * self.duration for share in _FADING)
+        meaning = "time constant of the friction, T in the formula"
+        return (shape("fading_time", "s", meaning, lower, upper),)
 
     @property
     def states(self) -> tuple[State, ...]:
@@ -59,9 +87,16 @@ class _FrictionOfRuns(AbstractEffect, AbstractTorque):
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
         return -states.friction * self.along(signals)
 
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        return [-states.friction / values.fading_time if self.fades else ca.SX(0)]
+
 
 class _Scored(_FrictionOfRuns):
     """The friction with one coefficient for all runs, which is scored for each record."""
+
+    @property
+    def richer(self) -> tuple[Self, ...]:
+        return ()
 
     @property
     def varies(self) -> bool:
@@ -69,21 +104,36 @@ class _Scored(_FrictionOfRuns):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        return (amplitude("friction", self.unit, "friction of a run", self.size, signed=True),)
+        friction = amplitude("friction", self.unit, "friction of a run", self.size, signed=True)
+        return (*super().parameters, friction)
 
     @property
     def states(self) -> tuple[State, ...]:
         return ()
 
     def torque(self, signals: Signals, states: Values, values: Values) -> Expression:
-        return -values.friction * self.along(signals)
+        faded = ca.exp(-signals.time / values.fading_time) if self.fades else 1.0
+        return -values.friction * faded * self.along(signals)
+
+    def rates(self, signals: Signals, states: Values, values: Values) -> list[Expression]:
+        return []
+
+
+def _candidates(scored: _Scored, fitted: _FrictionOfRuns) -> list[Candidate]:
+    """A friction that is constant within each run, and one that fades."""
+    start = columns((_FIRST * fitted.duration, scored.size))
+    return [
+        Candidate(scored, columns((scored.size,)), fitted=fitted),
+        Candidate(replace(scored, fades=True), start, fitted=replace(fitted, fades=True)),
+    ]
 
 
 @dataclass(frozen=True)
 class ViscousFrictionOfRuns(_FrictionOfRuns):
     """Viscous friction of a run beyond b, the friction that all runs have.
 
-    tau = -c w, c free in each record, as a constant state              [N m]
+    tau = -c w, c free in each record                                   [N m]
+    dc/dt = 0, or -c / T if it fades within each run            [N m s/rad s]
 
     The setting `viscous_size` in a result is the root mean square of c [N m s/rad].
     """
@@ -92,7 +142,7 @@ class ViscousFrictionOfRuns(_FrictionOfRuns):
     """Standard deviation of the coefficient of a run [N m s/rad]."""
 
     amplitude_scale = "viscous_size"
-    variant = f"viscous friction, {EACH_RUN}"
+    constant = f"viscous friction, {EACH_RUN}"
     unit = "N m s/rad"
 
     @property
@@ -104,9 +154,9 @@ class ViscousFrictionOfRuns(_FrictionOfRuns):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate if there are several runs."""
-        size = _SIZE * scales.torque / scales.speed
-        found = [Candidate(_ScoredViscous(size), columns((size,)), fitted=cls(size))]
+        """Candidates if there are several runs."""
+        size, duration = _SIZE * scales.torque / scales.speed, scales.run_duration
+        found = _candidates(_ScoredViscous(size, duration=duration), cls(size, duration=duration))
         return found if len(scales.runs) > 1 else []
 
 
@@ -114,7 +164,8 @@ class ViscousFrictionOfRuns(_FrictionOfRuns):
 class DryFrictionOfRuns(_FrictionOfRuns):
     """Dry friction of a run.
 
-    tau = -c sgn w, c free in each record, as a constant state          [N m]
+    tau = -c sgn w, c free in each record                               [N m]
+    dc/dt = 0, or -c / T if it fades within each run                  [N m/s]
 
     sgn w is smoothed as that of Coulomb friction.  The setting `dry_size` in a result is the root
     mean square of c [N m].
@@ -126,7 +177,7 @@ class DryFrictionOfRuns(_FrictionOfRuns):
     """Width of the smoothed sign [rad/s]."""
 
     amplitude_scale = "dry_size"
-    variant = f"dry friction, {EACH_RUN}"
+    constant = f"dry friction, {EACH_RUN}"
     unit = "N m"
 
     @property
@@ -143,9 +194,10 @@ class DryFrictionOfRuns(_FrictionOfRuns):
 
     @classmethod
     def candidates(cls, scales: CampaignScales) -> list[Candidate]:
-        """One candidate if there are several runs."""
-        size, width = _SIZE * scales.torque, SIGN_WIDTH * scales.speed
-        found = [Candidate(_ScoredDry(size, width), columns((size,)), fitted=cls(size, width))]
+        """Candidates if there are several runs."""
+        own = _SIZE * scales.torque, SIGN_WIDTH * scales.speed
+        duration = scales.run_duration
+        found = _candidates(_ScoredDry(*own, duration=duration), cls(*own, duration=duration))
         return found if len(scales.runs) > 1 else []
 
 

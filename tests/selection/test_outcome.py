@@ -53,6 +53,28 @@ def test_a_name_is_the_less_probable_the_more_remains() -> None:
     assert shares[-1] < 0.01
 
 
+@pytest.mark.parametrize(("share", "is_doubtful"), [(0.01, True), (0.05, True), (1.0, False)])
+def test_a_small_effect_may_be_the_form_of_an_approximate_law(
+    share: float, is_doubtful: bool
+) -> None:
+    """Friction of a gear explains 16 times the noise; the effect beside it a share of that."""
+    most = 16.0**2 - 1.0
+    falls = np.log(1.0 + most), np.log(1.0 + share * most)
+    gear, effect = (
+        replace(HEATING, criteria=replace(CRITERIA, validation=fall), alternatives=())
+        for fall in falls
+    )
+    gear = replace(gear, name="unlisted", is_approximate=True)
+
+    both = Outcome(cast(Fit, None), (gear, effect), ()).given(np.ones(2))
+    exact = replace(gear, is_approximate=False)
+    beside_exact = Outcome(cast(Fit, None), (exact, effect), ()).given(np.ones(2))
+
+    assert (both.effects[1].probability < 0.5) is is_doubtful
+    assert both.effects[0] == gear
+    assert beside_exact.effects == (exact, effect)
+
+
 def test_a_curve_claims_no_name_that_could_be_wrong() -> None:
     """`unlisted` is the alternative itself."""
     curve = replace(HEATING, name="unlisted")

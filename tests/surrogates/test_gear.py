@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from identification.fit.campaign import campaign_of
 from identification.fit.declared import fit_declared
@@ -32,11 +33,14 @@ WITHHELD = all_but(
 )
 
 
-def geared(voltage: np.ndarray, degrees: float, friction: float) -> np.ndarray:
+def geared(
+    voltage: np.ndarray, degrees: float, friction: float, *, of_motor: bool = False
+) -> np.ndarray:
     """(n, 2) current [A] and speed [rad/s] of the servo, by Heun's method.
 
     The torque s = J_2 dw/dt of the gear causes the friction `friction` |s| against the motion, so
-    that the sum of the other torques accelerates J_1 + J_2 (1 +- friction).
+    that the sum of the other torques accelerates J_1 + J_2 (1 +- friction).  With `of_motor`, the
+    torque of the motor causes the friction.
     """
     ra, slope, kt, fall, inertia, viscous, inductance = SERVO.values
     resistance = ra * (1.0 + slope * (degrees - 25.0))
@@ -45,7 +49,9 @@ def geared(voltage: np.ndarray, degrees: float, friction: float) -> np.ndarray:
 
     def rates(current: float, speed: float, volt: float) -> tuple[float, float]:
         torque = constant * current - viscous * speed
-        sign = np.sign(speed) * np.sign(torque)
+        if of_motor:
+            torque -= friction * abs(constant * current) * np.sign(speed)
+        sign = 0.0 if of_motor else np.sign(speed) * np.sign(torque)
         total = inertia * (1.0 - BEHIND + BEHIND * (1.0 + friction * sign))
         return (volt - resistance * current - constant * speed) / inductance, torque / total
 
@@ -61,7 +67,7 @@ def geared(voltage: np.ndarray, degrees: float, friction: float) -> np.ndarray:
     return found
 
 
-def outcome_of(friction: float) -> Outcome:
+def outcome_of(friction: float, *, of_motor: bool = False) -> Outcome:
     """Outcome of the search on four runs with steps of the voltage in both directions."""
     rng = np.random.default_rng(5)
     time = SERVO.interval * np.arange(ROWS, dtype=np.float64)
@@ -69,7 +75,7 @@ def outcome_of(friction: float) -> Outcome:
     for number, degrees in enumerate(TEMPERATURES):
         level = rng.uniform(-SERVO.voltage, SERVO.voltage, ROWS // 50)
         voltage = np.repeat(level, 50)
-        true = geared(voltage, degrees, friction)
+        true = geared(voltage, degrees, friction, of_motor=of_motor)
         noisy = true + 3e-3 * np.abs(true).max(axis=0) * rng.standard_normal(true.shape)
         warm = np.full(ROWS, degrees)
         current, speed = noisy.T
@@ -78,14 +84,16 @@ def outcome_of(friction: float) -> Outcome:
     return search(fit_declared(campaign.training, "zoh"), campaign, withheld=WITHHELD)
 
 
-def test_a_gear_is_named_with_its_friction() -> None:
+@pytest.mark.parametrize(("of_motor", "behind"), [(False, BEHIND), (True, 1.0)])
+def test_a_gear_is_named_with_its_friction(of_motor: bool, behind: float) -> None:
     """Known: the coefficient times the share behind the gear, and the parameters of the servo."""
-    outcome = outcome_of(0.2)
+    outcome = outcome_of(0.2, of_motor=of_motor)
 
     (term,) = outcome.fit.simulator.model.terms
     assert isinstance(term, GearFriction)
+    assert term.of_motor is of_motor
     deviation = np.sqrt(np.diag(outcome.fit.equations.covariance()))
-    position = outcome.fit.coordinates.of(np.append(SERVO.vector, 0.2 * BEHIND))
+    position = outcome.fit.coordinates.of(np.append(SERVO.vector, 0.2 * behind))
     assert np.all(np.abs(outcome.fit.position - position) < 4.0 * deviation)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from benchmarks.benches.excitation import voltages
 from benchmarks.benches.motors import drawn_motor
@@ -54,6 +55,52 @@ def test_viscous_friction_that_runs_in_is_that_of_each_run() -> None:
     own = np.array([state[-1] for state in outcome.fit.states])
     found = (outcome.fit.by_name["b"] + own) / VISCOUS
     np.testing.assert_allclose(found, FACTORS[:-1], rtol=0.05)
+
+
+def faded(voltage: np.ndarray, first: float, fading: float) -> np.ndarray:
+    """(n, 2) current [A] and speed [rad/s] with viscous friction that falls from `first` to b.
+
+    The equations are integrated by Heun's method in ten steps per sample.
+    """
+    ra, _, kt, _, inertia, viscous, inductance = MOTOR.values
+    step = MOTOR.interval / 10
+    state, found = np.zeros(2), np.empty((voltage.size, 2))
+
+    def rates(at: np.ndarray, volt: float, time: float) -> np.ndarray:
+        friction = viscous + (first - viscous) * np.exp(-time / fading)
+        electrical = (volt - ra * at[0] - kt * at[1]) / inductance
+        return np.array([electrical, (kt * at[0] - friction * at[1]) / inertia])
+
+    for row, volt in enumerate(voltage):
+        found[row] = state
+        for k in range(10):
+            time = step * (10 * row + k)
+            slope = rates(state, volt, time)
+            state = state + step * (slope + rates(state + step * slope, volt, time + step)) / 2
+    return found
+
+
+def test_friction_that_fades_within_each_run_has_its_time_constant() -> None:
+    """Grease warms up: the friction of each run falls with half of its duration."""
+    rng = np.random.default_rng(8)
+    time = MOTOR.interval * np.arange(ROWS, dtype=np.float64)
+    fading, runs = 0.5 * time[-1], []
+    for number, factor in enumerate((3.0, 12.0, 5.0, 8.0)):
+        voltage = drive(MOTOR, "steps", ROWS, rng)
+        true = faded(voltage, factor * VISCOUS, fading)
+        noisy = true + NOISE * true.std(axis=0) * rng.standard_normal(true.shape)
+        (current, speed), warm = noisy.T, np.full(ROWS, 25.0)
+        runs.append(Run(f"run{number}.csv", "0" * 64, time, voltage, current, speed, warm))
+    campaign = campaign_of(runs[:-1], runs[-1:])
+
+    outcome = search(fit_declared(campaign.training, "zoh"), campaign, withheld=WITHHELD)
+
+    (term,) = outcome.fit.simulator.model.terms
+    assert isinstance(term, ViscousFrictionOfRuns)
+    assert term.fades
+    values = outcome.fit.by_name
+    assert values["unlisted.fading_time"] == pytest.approx(fading, rel=0.1)
+    assert values["b"] == pytest.approx(VISCOUS, rel=0.1)
 
 
 def test_a_brake_of_another_setting_in_each_run_is_the_first_effect_of_a_search() -> None:
