@@ -275,7 +275,7 @@ class AbsurdValue(RunFileError, code="absurd_value"):
 
 
 class AmbiguousAngle(RunFileError, code="ambiguous_angle"):
-    """An angle from which the speed is derived jumps, or turns too far between two samples."""
+    """An angle jumps by an unknown period, or a channel with one changes too far in a sample."""
 
 
 class OptionError(InputError):

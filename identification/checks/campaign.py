@@ -37,6 +37,7 @@ from identification.checks.plausible import plausibility_findings
 from identification.checks.signs import identity_findings, magnitude_findings
 from identification.checks.stalled import stalled_of
 from identification.checks.supply import supply_current_findings
+from identification.checks.wrapped import wrapped_findings
 from identification.errors import ContradictoryRuns
 from identification.ingest.run import Run
 from identification.options import FitOptions
@@ -175,6 +176,7 @@ def _single(run: Run, strongest: Array, held: float) -> list[Finding]:
         return [*unlogged_voltage_findings(run, signals), *jumps]
     for check in (
         copied_findings,
+        wrapped_findings,
         aliased_findings,
         unlogged_voltage_findings,
         supply_current_findings,

@@ -30,6 +30,7 @@ __all__ = [
     "omission",
     "other_unit",
     "refusal",
+    "restarted",
     "signed",
     "suspicion",
     "suspicious_unit",
@@ -139,7 +140,7 @@ def factor(run: Run, channel: str, number: float) -> str:
     if source.value is not None:
         return f"{run.name}:{channel}={_number(source.value * number)} in {source.unit}"
     words, scale = source.cell, source.scale * number
-    is_bare = bool(source.sign) and scale == 1.0
+    is_bare = scale == 1.0 and (bool(source.sign) or source.period is not None)
     if not is_bare:
         words += f" * {_number(scale)}"
     if source.offset:
@@ -162,6 +163,15 @@ def signed(run: Run, channel: str) -> tuple[str, ...]:
         return ()
     sources = {**run.sources, channel: dataclasses.replace(source, sign=run.direction)}
     return (factor(dataclasses.replace(run, sources=sources), channel, 1.0),)
+
+
+def restarted(run: Run, channel: str, period: float) -> str:
+    """Mapping of a channel whose cells start again after a change by a period [SI unit]."""
+    source = _source(run, channel)
+    unit = find_unit(source.unit)
+    cells = period / abs(source.scale * (unit.factor if unit else 1.0))
+    sources = {**run.sources, channel: dataclasses.replace(source, period=cells)}
+    return factor(dataclasses.replace(run, sources=sources), channel, 1.0)
 
 
 def exchange(run: Run, first: str, second: str) -> tuple[str, ...]:

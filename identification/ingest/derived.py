@@ -37,7 +37,7 @@ _WIDTHS = (8, 16, 24, 32)
 
 
 def unwrapped(cells: Array, time: Array, channel: Channel, locator: SourceLocator) -> Array:
-    """Angle (n_sample,) or counter, in the units of the file, without its jumps by a period.
+    """Angle, counter or other channel (n_sample,), in the unit of the file, without its jumps.
 
     Raises:
         AmbiguousAngle: The period is not known, or the motor turns too fast for it.
@@ -64,9 +64,9 @@ def unwrapped(cells: Array, time: Array, channel: Channel, locator: SourceLocato
         sample = int(np.argmax(left)) + 1
         raise locator.error(
             AmbiguousAngle,
-            f"the angle changes by {left[sample - 1] / period:.3g} of its period {period:.6g} "
-            f"between two samples, and above {_LARGEST_STEP:g} its direction is ambiguous; log "
-            "faster, log the speed, or log a counter that does not overflow",
+            f"changes by {left[sample - 1] / period:.3g} of its period {period:.6g} between two "
+            f"samples, and above {_LARGEST_STEP:g} its direction is ambiguous; log faster, log the "
+            "speed in place of an angle, or log a number that does not overflow",
             channel.name,
             sample,
             float(cells[sample]),

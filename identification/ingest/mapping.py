@@ -5,10 +5,10 @@
      "position_rad": null}
 
 ``cell * scale + offset`` is the value in the given unit; null omits an optional channel.  The
-``period`` of a position is the change of the cell after which it starts again.  The ``sign`` is a
-column of directions by which the cell is multiplied.  A ``value`` in place of a column is a
-constant.  The column ``row`` of a time is the number of the sample, from 0.  The keys ``duty``
-and ``bus_voltage_V`` together replace ``voltage_V``, which is then their product.  The key
+``period`` of a position, current or speed is the change of the cell after which it starts again.
+The ``sign`` is a column of directions by which the cell is multiplied.  A ``value`` in place of a
+column is a constant.  The column ``row`` of a time is the number of the sample, from 0.  The keys
+``duty`` and ``bus_voltage_V`` together replace ``voltage_V``, which is then their product.  The key
 ``table`` selects a sheet, group or variable of a file that holds several tables.  The key ``files``
 holds mappings of single files by name; they override the common mapping:
 
@@ -75,7 +75,13 @@ TABLE = "table"
 """Key of a mapping that holds the name of the table to read."""
 
 _KEYS = ("column", "unit", "scale", "offset")
-_FURTHER_KEYS = {"position_rad": ("period",)} | dict.fromkeys(SIGNED, ("sign",))
+_FURTHER_KEYS: dict[str, tuple[str, ...]] = {
+    "voltage_V": ("sign",),
+    "duty": ("sign",),
+    "current_A": ("period", "sign"),
+    "speed_rad_s": ("period", "sign"),
+    "position_rad": ("period",),
+}
 _LARGEST_FILE = 1_000_000
 _HUGE = 1e300
 

@@ -216,7 +216,7 @@ def _values(
         warnings += notes
         if cells is None:
             continue
-        if name == "position_rad" and (is_derived or channel.period is not None):
+        if channel.period is not None or (name == "position_rad" and is_derived):
             cells = unwrapped(cells, values["time_s"], channel, locator)
         values[name] = _in_si(cells, channel, locator)
         if name == "time_s":

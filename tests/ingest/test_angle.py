@@ -135,7 +135,7 @@ def test_period_is_the_last_word_of_a_map_text() -> None:
     assert mapping_of(None, ["position_rad=phi 1 * 2 + 1 in deg mod 180"]) == {
         "position_rad": entry
     }
-    for wrong in ("position_rad=phi mod 0", "speed_rad_s=n mod 360"):
+    for wrong in ("position_rad=phi mod 0", "voltage_V=v mod 360"):
         with pytest.raises(errors.MappingError, match="period"):
             mapping_of(None, [wrong])
 
@@ -182,3 +182,18 @@ def test_corrections_and_mapping_refer_to_the_column_of_the_angle(tmp_path: Path
     assert "position_rad=count" in other_unit(run, "speed_rad_s", "rpm")
     assert "speed_rad_s" not in mapping
     assert np.array_equal(read(tmp_path, "count", counts(16), mapping).speed, run.speed)
+
+
+def test_a_speed_that_overflows_its_number_is_continued(tmp_path: Path) -> None:
+    """The expected speed is that of the motor, which exceeds half the period."""
+    speed = motor()["speed_rad_s"]
+    period = 1.2 * float(np.abs(speed).max())
+    wrapped = np.mod(speed + period / 2, period) - period / 2
+    path = tmp_path / "run.csv"
+    path.write_bytes(write({**motor(), "speed_rad_s": wrapped}))
+
+    mapping = {"speed_rad_s": {"column": "speed_rad_s", "period": period}}
+    run = read_run(path, mapping=mapping)
+
+    assert np.ptp(wrapped) < np.ptp(speed)
+    assert run.speed == pytest.approx(speed, abs=1e-9)
