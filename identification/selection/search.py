@@ -21,7 +21,8 @@
             the runner-up models of round 1, keep the better model        _restart
     14  M <- C if it ranks and predicts better; otherwise, if exhausted,
             M <- M with a curve that meets the criteria, then 11 and 12   add_curve
-    15  replace effects by types that rank better in evaluated models     _effects_of
+    15  replace effects by types that rank better in evaluated models,    _effects_of
+            close ones compared with a sharp sign of the friction         sharp_rivals
 
 The acceptance criteria are in `evidence.py`, their limits in `policy.py`.
 
@@ -57,6 +58,7 @@ from identification.selection.omitted import removal_steps
 from identification.selection.outcome import Alternative, Found, Outcome
 from identification.selection.policy import DEFAULT, SelectionPolicy
 from identification.selection.refit import with_known_amplitudes
+from identification.selection.sharp_rivals import with_sharp_signs
 from identification.selection.steps import (
     State,
     admissible,
@@ -263,8 +265,9 @@ def _explained(state: State) -> tuple[list[Found], EvaluatedModel | None]:
             rivals = [*rivals_of(state, simpler, term.name), *curves]
         rivals = admissible(state, rivals, simpler)
         models = [current, *rivals]
-        share, *odds = probabilities(scores_of(models)).tolist()
-        best = models[ranked(models, trials.policy)[0]]
+        compared = with_sharp_signs(state, models)
+        share, *odds = probabilities(scores_of(compared)).tolist()
+        best = models[ranked(compared, trials.policy)[0]]
         better = best if best is not current else better
         names = (rival.effects_added_to(simpler)[0].name for rival in rivals)
         rated = zip(names, odds, rivals, strict=True)

@@ -23,7 +23,7 @@ from identification.selection.evidence import (
 from identification.selection.outcome import Searched
 from identification.selection.policy import SelectionPolicy
 from identification.selection.refit import swapped
-from identification.selection.score import Score
+from identification.selection.score import Key, Score
 from identification.selection.trials import Trials
 from identification.work import Budget, operations
 
@@ -58,6 +58,8 @@ class State:
     """Predicted gain of the effect that was added last; zero before the first."""
     curve: EvaluatedModel | None = None
     """The nominal model with the best curve; None as long as none is fitted or accepted."""
+    sharp: dict[Key, tuple[EvaluatedModel, EvaluatedModel]] = field(default_factory=dict)
+    """Models, and the same with a sharp sign of the friction."""
 
     @property
     def round(self) -> int:
@@ -285,7 +287,8 @@ def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[Evaluate
     """Models with another effect type in place of `name` and a cost close to the current one.
 
     A fit at the angles of the simpler model that gained less than predicted is repeated at those of
-    the current model.
+    the current model.  So is one that stopped before its optimum, if its effect is like the one it
+    replaces: without that one, the parameters are far from those of both.
     """
     trials, policy = state.trials, state.trials.policy
     (term,) = (t for t in state.current.fit.simulator.model.terms if t.name == name)
@@ -296,6 +299,7 @@ def rivals_of(state: State, simpler: EvaluatedModel, name: str) -> list[Evaluate
         s for s in scores if s.gain * trials.underestimate(simpler, s.candidate.term) > needed
     ]
     wanted = _with_worthwhile_gain(trials, simpler, scores, policy.rivals)
+    trials.refits(simpler, wanted, limit)
     for score in wanted:
         doubtful = trials.doubtful(simpler, score)
         if doubtful is not None:

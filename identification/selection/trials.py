@@ -167,14 +167,13 @@ class Trials:
         ]
 
     def doubtful(self, simpler: EvaluatedModel, score: Score) -> Fit | None:
-        """The fit of a candidate, if it gained less than predicted at angles that lack its effect.
-
-        The angles were tracked in the simpler model; a fit from wrong ones has a local optimum.
-        """
+        """The fit of a candidate that was abandoned, or gained too little at tracked angles."""
         fit = self._fits.get(key_of(simpler.fit) | {score.structure})
-        if fit is None or not is_tracked(simpler.fit.simulator.model):
-            return None
-        return replace(fit, converged=False) if simpler.fit.cost - fit.cost < score.gain else None
+        if fit is None or not fit.converged:
+            return fit
+        is_poor = simpler.fit.cost - fit.cost < score.gain
+        is_wrong = is_poor and is_tracked(simpler.fit.simulator.model)
+        return replace(fit, converged=False) if is_wrong else None
 
     def abandon_cost(self, current: EvaluatedModel, simpler: EvaluatedModel) -> float:
         """Cost above which an extension of the simpler model is no rival of the current model."""

@@ -20,9 +20,11 @@ from identification.ingest.run import Run
 from identification.quantities import DECLARED_PARAMETERS
 from identification.selection.candidates import scales_of
 from identification.selection.outcome import Outcome
-from identification.selection.refit import refined, refitted_with
+from identification.selection.refit import refined, refitted_with, refitted_without
+from identification.selection.sharp_rivals import with_sharp_signs
 from identification.selection.sharpening import sharpened, with_sharp_friction
 from identification.selection.start import Start
+from identification.selection.steps import State
 from identification.selection.trials import Trials
 
 Array = NDArray[np.float64]
@@ -157,3 +159,18 @@ def test_a_motor_without_friction_is_not_refitted() -> None:
     fit = fit_declared(campaign_of([run], ()).training, "zoh")
 
     assert sharpened(fit) is fit
+
+
+@pytest.mark.parametrize(("behind", "is_sharp"), [(1.0, True), (1000.0, False)])
+def test_close_rivals_are_compared_with_a_sharp_sign(*, behind: float, is_sharp: bool) -> None:
+    """A sharper sign gains less than a thousand in log likelihood, and costs a fit."""
+    (before, _), (after, _) = _pair(0.06)
+    trials = Trials(_campaign(0.06, 1.0))
+    current = trials.evaluate(before)
+    bare = refitted_without(before, "coulomb_friction", TerminationLimits(0))
+    rival = replace(current, fit=replace(bare, cost=current.fit.cost + behind))
+
+    compared = with_sharp_signs(State(trials, current, current), [current, rival])
+
+    assert compared[0].fit.cost == pytest.approx(after.cost if is_sharp else before.cost, abs=0.1)
+    assert compared[1] is rival

@@ -271,13 +271,16 @@ def test_a_rival_whose_effects_were_accepted_in_another_order_competes_with_its_
     ]
 
 
-def test_a_friction_that_was_fitted_at_wrong_angles_is_fitted_again_at_those_of_its_rival(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    "other", [EffectRequest("cogging_torque", size=0.15), EffectRequest("brush_drop")]
+)
+def test_a_friction_whose_fit_was_stopped_is_fitted_again_from_the_optimum_of_its_rival(
+    monkeypatch: pytest.MonkeyPatch, other: EffectRequest
 ) -> None:
-    """Coulomb friction and cogging are hidden; at the angles without friction its fit is stuck."""
+    """Coulomb friction and another effect are hidden; without friction, the parameters are far."""
     measured = make_campaign(
         "servo_150w",
-        [EffectRequest("cogging_torque", size=0.15), "coulomb_friction"],
+        [other, "coulomb_friction"],
         seed=17,
         rows=800,
         training=2,
@@ -286,8 +289,8 @@ def test_a_friction_that_was_fitted_at_wrong_angles_is_fitted_again_at_those_of_
     campaign = records_of_bench(measured)
     trials = Trials(campaign)
     nominal = trials.evaluate(fit_declared(campaign.training, "zoh"))
-    cogging = extended(trials, nominal, "cogging_torque")
-    current = extended(trials, cogging, "stribeck_friction")
+    simpler = extended(trials, nominal, other.name)
+    current = extended(trials, simpler, "stribeck_friction")
 
     def hardly(
         fit: Fit, candidate: Candidate, starts: list[Start], limits: TerminationLimits
@@ -296,12 +299,12 @@ def test_a_friction_that_was_fitted_at_wrong_angles_is_fitted_again_at_those_of_
 
     with monkeypatch.context() as patched:
         patched.setattr(trials_module, "fitted_candidate", hardly)
-        coulomb = [s for s in trials.scores(cogging) if s.structure[0] == "coulomb_friction"]
-        ((_, stuck),) = trials.refits(cogging, coulomb[:1])
+        coulomb = [s for s in trials.scores(simpler) if s.structure[0] == "coulomb_friction"]
+        ((_, stuck),) = trials.refits(simpler, coulomb[:1])
 
-    rivals = rivals_of(State(trials, nominal, current), cogging, "stribeck_friction")
+    rivals = rivals_of(State(trials, nominal, current), simpler, "stribeck_friction")
 
-    (found,) = (r for r in rivals if r.effects_added_to(cogging)[0].name == "coulomb_friction")
+    (found,) = (r for r in rivals if r.effects_added_to(simpler)[0].name == "coulomb_friction")
     assert stuck.cost > found.fit.cost + 100.0
     assert found.fit.cost < current.fit.cost + 10.0
 
