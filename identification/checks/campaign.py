@@ -14,6 +14,7 @@ import numpy as np
 from identification.arrays import Array
 from identification.checks.balance import Signals, has_signal, signals_of
 from identification.checks.coasting import coastings_of
+from identification.checks.computed import computed_findings
 from identification.checks.consistency import consistency_findings, estimate_of
 from identification.checks.dead import (
     copied_findings,
@@ -176,6 +177,7 @@ def _single(run: Run, strongest: Array, held: float) -> list[Finding]:
         return [*unlogged_voltage_findings(run, signals), *jumps]
     for check in (
         copied_findings,
+        computed_findings,
         wrapped_findings,
         aliased_findings,
         unlogged_voltage_findings,
