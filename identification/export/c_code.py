@@ -4,8 +4,9 @@ The step is the exponential Rosenbrock step of the simulation, printed from the 
 equal substeps give equal numbers.
 
 A result contains no signals, so the error of a number of substeps is evaluated along a synthetic
-run: the voltage follows a square wave with rests and then a sine, both of the size that the
-training runs had.
+run: the voltage follows a square wave with reversals and rests and then a sine, both of the size
+that the training runs had, while the motor warms.  Amplitudes that each run has of its own take
+their usual size.
 """
 
 from __future__ import annotations
@@ -36,8 +37,12 @@ TEMPLATES: Final = Environment(  # noqa: S701  source code, not HTML
 )
 TEMPLATES.globals["version"] = version("motorid")
 
-_ENOUGH: Final = 1e-6
-"""Error over the range of the signal of the default number of substeps."""
+_ENOUGH: Final = 1e-7
+"""Error over the range of the signal of the default number of substeps, in the synthetic run.
+
+Reversals at other instants and speeds have up to ten times the error."""
+_WARMING: Final = 0.3
+"""Rise of the temperature in the synthetic run [K/s]."""
 _ROWS: Final = 600
 _TRIED: Final = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 _REFERENCE: Final = 1024
@@ -80,8 +85,12 @@ def _substep_errors(motor: Exported) -> dict[int, float]:
     """
     rows, model = _synthetic(motor.values, motor.interval, motor.span), motor.model
     carry = np.zeros((motor.step.size1_in(0), 1))
-    temperatures = [k for k, name in enumerate(model.state_names) if name.endswith("temperature")]
-    carry[temperatures] = REFERENCE_TEMPERATURE_DEGC
+    states = [state for term in model.terms for state in term.states]
+    for k, state in enumerate(states, start=2):
+        if state.follows == "temperature":
+            carry[k] = REFERENCE_TEMPERATURE_DEGC
+        elif state.is_own:
+            carry[k] = state.scale
     scan = scan_of(motor.step, effort="once")
 
     def simulated(count: int) -> Array:
@@ -99,7 +108,7 @@ def _synthetic(values: Array, interval: float, span: Array) -> Array:
     # Ra25 and Kt25, over half of the ranges.
     size = 0.5 * (abs(values[0]) * span[0] + abs(values[2]) * span[1])
     k = np.arange(_ROWS)
-    square = np.array([1.0, 0.0, -0.6, 0.0, 0.3, -1.0])[(k // 50) % 6]
+    square = np.array([1.0, -1.0, 0.0, -0.6, 0.3, 0.8])[(k // 50) % 6]
     voltage = size * np.where(k < _ROWS // 2, square, np.sin(2 * np.pi * k / 150))
     voltage = np.where(k < 5, 0.0, voltage)
     columns = dict.fromkeys(INPUTS, np.zeros(_ROWS)) | {
@@ -109,6 +118,11 @@ def _synthetic(values: Array, interval: float, span: Array) -> Array:
         "time": k * interval,
         "substeps": np.ones(_ROWS),
     }
-    for name in ("temperature", "temperature_next", "peak_temperature"):
-        columns[name] = np.full(_ROWS, REFERENCE_TEMPERATURE_DEGC)
+    warm = REFERENCE_TEMPERATURE_DEGC + _WARMING * columns["time"]
+    columns |= {
+        "temperature": warm,
+        "temperature_next": np.append(warm[1:], warm[-1]),
+        "temperature_rate": np.full(_ROWS, _WARMING),
+        "peak_temperature": warm,
+    }
     return np.column_stack([columns[name] for name in INPUTS])

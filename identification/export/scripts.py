@@ -58,6 +58,12 @@ def continuous_notes(motor: Exported, *, delays: bool) -> Iterator[str]:
     terms = (*motor.model.averaged.values(), *motor.model.sample_filters)
     for name in dict.fromkeys(term.name for term in terms):
         yield (f"the filter of samples ({name}) is left out, because the equations are continuous")
+    x, u, p = motor.model.symbols()
+    if ca.depends_on(motor.model.rates(x, u, p), u[INPUTS.index("peak_temperature")]):
+        yield (
+            "the memory of the highest temperature: a loss of magnetisation follows the present "
+            "one; set peak_temperature to the highest temperature of the simulation"
+        )
 
 
 def script(
@@ -81,6 +87,7 @@ def script(
         signals=SIGNALS,
         parameters=motor.parameters,
         peak=motor.peak,
+        interval=motor.interval,
         delays={term.channel: known[f"{term.name}.delay"] for term in motor.model.delays},
         linear=linear,
         unknowns=[

@@ -7,14 +7,19 @@ at samples are kept.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import Final
 
+import casadi as ca
 import numpy as np
 
 from identification.arrays import Array, Index
-from identification.model.scan import LANES, Scan
+from identification.model.composite import MotorModel
+from identification.model.scan import LANES, Effort, Scan, scan_of
+from identification.model.step import advance, step_function
+from identification.model.step_plan import StepPlan
 
-__all__ = ["BLOCK", "blocks", "sampled", "single", "stretch"]
+__all__ = ["BLOCK", "blocks", "logged_scan", "sampled", "single", "states_scan", "stretch"]
 
 
 BLOCK: Final = 65_536
@@ -87,3 +92,18 @@ def single(scan: Scan, inputs: Array, values: Array, carry: Array) -> Array:
         (carry,), (output,) = scan([inputs[rows]], values, [carry])
         found[rows] = output[:, :, 0]
     return found
+
+
+@lru_cache
+def logged_scan(model: MotorModel, plan: StepPlan, effort: Effort) -> Scan:
+    """Loop that outputs the sensor readings (2,) at each row [A, rad/s]."""
+    return scan_of(step_function(model, plan), effort=effort)
+
+
+@lru_cache
+def states_scan(model: MotorModel, plan: StepPlan) -> Scan:
+    """Loop that outputs the state (n_state,) at the begin of each row."""
+    x, u, p = model.symbols()
+    return scan_of(
+        ca.Function("states", [x, u, p], [advance(model, plan, x, u, p), x]), effort="once"
+    )

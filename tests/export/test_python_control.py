@@ -15,6 +15,7 @@ from identification.export import export, state_space, transfer_function
 from identification.pipeline import Identification
 from identification.prediction import predict
 from identification.speed_loop import parse_controller, step_curves
+from tests.export.effects import EFFECTS
 from tests.export.results import (
     CASES,
     INTERVAL,
@@ -107,15 +108,14 @@ def test_motor_with_effects_follows_predict() -> None:
     case = "cogging and a first-order hold"
     result, run = result_with(*CASES[case]), run_of_the_motor(120)
     inputs, state = inputs_of(result, run)
-    motor = module(case).motor
+    exported = module(case)
     given = np.vstack(
         [inputs["voltage"], inputs["temperature"], np.zeros(run.rows), inputs["angle"]]
     )
 
     found = control.input_output_response(
-        motor, run.time, given, [*state, 0.0], params={"position_given": 1.0},
-        solve_ivp_method="DOP853",
-        solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-9, "max_step": INTERVAL},
+        exported.motor, run.time, given, [*state, 0.0], params={"position_given": 1.0},
+        **exported.ACCURATE,
     ).outputs  # fmt: skip
 
     predicted = predict(result, run)
@@ -141,6 +141,17 @@ def test_delay_that_the_equations_lack_is_said_in_the_file() -> None:
 
     assert [remark.split()[0] for remark in made.remarks] == ["few", "channel_delay", "the"]
     assert "channel_delay is left out" in made.content.decode()
+
+
+def test_a_lost_magnetisation_that_is_not_remembered_is_said_in_the_file() -> None:
+    """The C file keeps the highest temperature; continuous equations have no memory of it."""
+    made = export(
+        result_with(EFFECTS["demagnetization"]), "python-control", lambda: (DRAWS, ""), [25.0]
+    )
+
+    assert made.remarks[0].startswith("the memory of the highest temperature: a loss of mag")
+    assert made.remarks[0] in made.content.decode()
+    assert 'params.get("peak_temperature", 60.0)' in made.content.decode()
 
 
 def test_file_is_a_program(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from identification.effects.friction import CoulombFriction
+from identification.effects.periodic import CoggingTorque
 from identification.effects.sensor import ChannelDelay
 from identification.model.composite import INPUTS, Hold, MotorModel
 from identification.model.excitation import records_of
@@ -15,7 +16,7 @@ from identification.model.simulate import Simulator
 from identification.model.substeps import MOST_SUBSTEPS, Substeps, divided, doublings, evenly
 from identification.model.weighting import Weighting
 from tests.model.unequal import unequal
-from tests.motors import driven, motor_named
+from tests.motors import drive, driven, motor_named, run_of
 
 SERVO = motor_named("servo 100 W")
 ROWS = 400
@@ -180,6 +181,22 @@ def test_a_converged_simulation_is_within_a_millionth_of_the_signals() -> None:
     )
 
     assert np.all(np.abs(found - reference).max(axis=0) < 1e-6 * np.ptp(reference, axis=0))
+
+
+def test_a_shaft_that_almost_stops_between_teeth_is_simulated_to_a_millionth() -> None:
+    """It amplifies the errors of all intervals before; reference: a ten times smaller tolerance."""
+    voltage = 0.2 * drive(SERVO, "steps", 600, np.random.default_rng(19))
+    records = tuple(records_of([run_of(SERVO, voltage, np.full(600, 25.0), START)]))
+    cogging = CoggingTorque(0.1, logged=False, angle="simulated")
+    values = np.append(SERVO.vector, 14.0)
+    start = np.array([2.0, 60.0, 0.05, 0.015, 0.01, 0.005, 0.0])
+    simulator = Simulator.fitting(MotorModel().adding(cogging), records, values)
+    coarse = simulator.converged(values, [start])
+    fine = coarse.with_tolerance(values, [start], 3e-10 * records[0].span, most=4096)
+
+    found, reference = (one.logged(values[:, None], [start])[0][:, :, 0] for one in (coarse, fine))
+
+    assert np.all(np.abs(found - reference).max(axis=0) < 1e-6 * np.abs(reference).max(axis=0))
 
 
 def test_divided_inputs_cover_the_interval() -> None:
