@@ -25,9 +25,20 @@ times the longest, which is a load of nine times the rotor inertia.
 
 The size of a rotor follows from its rated torque at a shear stress of 5 kPa.  Its surface moves at
 15 to 30 m/s in usual machines and at up to 60 m/s in reinforced ones.  Small rotors stay far below
-that, and their speed is compared with that of such motors.  The Faulhaber 0816 SR (Kt / sqrt(Ra) =
-0.0009 N m/sqrt(W)) turns at up to 16,000 rpm; coreless motors of this size and below in pagers and
-drones are assumed to reach 5,500 rad/s, larger ones 1,500 rad/s.
+that, and their speed is compared with that of motors of their Kt / sqrt(Ra) [N m/sqrt(W)]:
+
+    0.0009  Faulhaber 0816 SR, up to 16,000 rpm; coreless motors of this size and below in pagers
+            and drones are assumed to reach 5,500 rad/s
+    0.0015  Mabuchi RC-260RA-2670, 24,000 rpm
+    0.016   BaneBots RS-550 (12 V, 85 A, 0.50 N m), 19,300 rpm
+    0.018   VEX 775pro (12 V, 134 A, 0.71 N m), 18,730 rpm; motors of this kind in tools and models
+            are assumed to reach 3,000 rad/s, at 1.5 times the voltage
+    0.061   CIM (12 V, 131 A, 2.41 N m), 5,330 rpm; motors above 0.02 are assumed to reach
+            1,500 rad/s
+
+A motor logged in rpm under a name in rad/s seems to have 1 / 9.55 of its constant, and 1 / 91 of
+its inertia; its balances and time constants are those of a possible motor.  Below the limits only
+the data sheet tells the units apart.
 
 The winding is of copper, alpha 0.0039 1/K, or of aluminium, 0.0040 1/K.  Leads, brushes and the
 transistors of a bridge are colder or have a smaller coefficient, so that alpha_Ra is that of copper
@@ -41,8 +52,9 @@ stands for another dependence of the voltage on current or time.
 
 Sources: data sheets of Faulhaber 0816 SR, 1331 SR and 3863 CR (May 2012), Pittman 9232S003, printed
 armature motors B9M4 to BR27MACH, and the Parker MGV manual PVD3627 (August 2011), section 3.1.9;
-xdccommutator.com, "Maximum RPM Limits for Mechanical Commutators" (surface speeds); IEC 60034-1
-(2022), 8.6.2.3.3 (225 and 235 degC for aluminium and copper, which is 1 / (T + 25 degC) at 25
+MIT, 2.007 Motor Information (2008) (RC-260RA-2670); BaneBots M2-RS550-120; VEX Robotics 775pro and
+CIM; xdccommutator.com, "Maximum RPM Limits for Mechanical Commutators" (surface speeds); IEC
+60034-1 (2022), 8.6.2.3.3 (225 and 235 degC for aluminium and copper, which is 1 / (T + 25 degC) at 25
 degC); IEC 60085 (2007), 5 (thermal classes of insulation).
 """
 
@@ -69,10 +81,9 @@ __all__ = [
 
 _SHEAR_PA: Final = 5e3
 _TIP_M_S: Final = 60.0
-_TINY: Final = 0.001
-"""Largest motor constant Kt / sqrt(Ra) of a motor for pagers and drones [N m/sqrt(W)]."""
-_FAST_RAD_S: Final = (5500.0, 1500.0)
-"""Highest speed of such a motor and of larger ones [rad/s]."""
+_FASTEST_RAD_S: Final = ((0.001, 5500.0), (0.02, 3000.0), (math.inf, 1500.0))
+"""Largest motor constant Kt / sqrt(Ra) [N m/sqrt(W)] and highest speed [rad/s]: of motors for
+pagers and drones, for tools and models, and of larger ones."""
 _LIGHT: Final = 0.02
 _IRON: Final = 7.5e3
 _SLOW_S: Final = 8.0
@@ -109,7 +120,7 @@ def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) ->
     run = sound[0].run
     # The rated torque is limited by heat, that is by the RMS current; starts take many times more.
     radius = _radius(constant * max(float(np.sqrt(np.mean(e.run.current**2))) for e in sound))
-    fastest = _FAST_RAD_S[0 if constant <= _TINY * resistance**0.5 else 1]
+    fastest = next(most for size, most in _FASTEST_RAD_S if constant <= size * resistance**0.5)
     if speed * radius > _TIP_M_S or speed > fastest:
         yield _fast(run, speed, fastest, speed * radius, constant)
     least = math.pi * _IRON * _radius(constant * max(_high(e.run.current) for e in sound)) ** 5

@@ -61,7 +61,7 @@ BOUNDS = {
     ),
     "speed_rad_s": Bounds(
         (-2e4, 2e4),
-        (-2.5e3, 2.5e3),
+        (-5.5e3, 5.5e3),
         "is it in rpm or degrees per second?",
         "rpm",
         1e-2,
@@ -76,7 +76,10 @@ BOUNDS = {
 
 The least peaks have a basis in the slowest and smallest applications: brushed motors of 6 mm start
 near 0.5 V and draw milliamperes without load, and the direct drive of a rate table or telescope
-turns at 0.1 rad/s.  The limits are a fifth to a tenth of these."""
+turns at 0.1 rad/s.  The limits are a fifth to a tenth of these.
+
+The highest usual speed is that of coreless motors of drones; `checks.plausible` compares the speed
+of each motor with that of motors of its size."""
 
 # Range of motor temperatures in kelvin, from cold room to hot winding [K].
 _KELVIN = (250.0, 430.0)
