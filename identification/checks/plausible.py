@@ -54,8 +54,8 @@ Sources: data sheets of Faulhaber 0816 SR, 1331 SR and 3863 CR (May 2012), Pittm
 armature motors B9M4 to BR27MACH, and the Parker MGV manual PVD3627 (August 2011), section 3.1.9;
 MIT, 2.007 Motor Information (2008) (RC-260RA-2670); BaneBots M2-RS550-120; VEX Robotics 775pro and
 CIM; xdccommutator.com, "Maximum RPM Limits for Mechanical Commutators" (surface speeds); IEC
-60034-1 (2022), 8.6.2.3.3 (225 and 235 degC for aluminium and copper, which is 1 / (T + 25 degC) at 25
-degC); IEC 60085 (2007), 5 (thermal classes of insulation).
+60034-1 (2022), 8.6.2.3.3 (225 and 235 degC for aluminium and copper, which is 1 / (T + 25 degC)
+at 25 degC); IEC 60085 (2007), 5 (thermal classes of insulation).
 """
 
 from __future__ import annotations

@@ -25,6 +25,17 @@ SIGNALS: Final = (
 """Inputs of the continuous equations, in their order."""
 
 _SAMPLES: Final = 100
+_HISTORY: Final = {
+    "peak_temperature": (
+        "the memory of the highest temperature: a loss of magnetisation follows the present one; "
+        "set peak_temperature to the highest temperature of the simulation"
+    ),
+    "temperature_rate": (
+        "the slope of the temperature, by which the winding leads the sensor: it is zero unless "
+        "temperature_rate is set"
+    ),
+}
+"""Inputs that depend on other instants, and the sentence on each that continuous equations omit."""
 
 
 def equations(
@@ -59,11 +70,10 @@ def continuous_notes(motor: Exported, *, delays: bool) -> Iterator[str]:
     for name in dict.fromkeys(term.name for term in terms):
         yield (f"the filter of samples ({name}) is left out, because the equations are continuous")
     x, u, p = motor.model.symbols()
-    if ca.depends_on(motor.model.rates(x, u, p), u[INPUTS.index("peak_temperature")]):
-        yield (
-            "the memory of the highest temperature: a loss of magnetisation follows the present "
-            "one; set peak_temperature to the highest temperature of the simulation"
-        )
+    rates = motor.model.rates(x, u, p)
+    for name, note in _HISTORY.items():
+        if ca.depends_on(rates, u[INPUTS.index(name)]):
+            yield note
 
 
 def script(

@@ -20,6 +20,7 @@ from tests.export.results import (
     CASES,
     INTERVAL,
     MOTOR,
+    effect,
     inputs_of,
     result_with,
     run_of_the_motor,
@@ -143,15 +144,34 @@ def test_delay_that_the_equations_lack_is_said_in_the_file() -> None:
     assert "channel_delay is left out" in made.content.decode()
 
 
-def test_a_lost_magnetisation_that_is_not_remembered_is_said_in_the_file() -> None:
-    """The C file keeps the highest temperature; continuous equations have no memory of it."""
-    made = export(
-        result_with(EFFECTS["demagnetization"]), "python-control", lambda: (DRAWS, ""), [25.0]
-    )
+@pytest.mark.parametrize(
+    ("entry", "note", "setting"),
+    [
+        (
+            EFFECTS["demagnetization"], "the memory of the highest temperature: a loss of mag",
+            'params.get("peak_temperature", 60.0)',
+        ),
+        (
+            effect(
+                "winding_lag",
+                {"fastest": 0.003, "slowest": 3600.0, "direction": "the log lags the winding"},
+                time_constant=0.6,
+            ),
+            "the slope of the temperature", 'params.get("temperature_rate", 0.0)',
+        ),
+    ],
+    ids=["peak", "slope"],
+)  # fmt: skip
+def test_what_depends_on_other_instants_is_said_in_the_file(
+    entry: dict[str, Any], note: str, setting: str
+) -> None:
+    """Continuous equations know the present inputs only; a parameter takes their place."""
+    made = export(result_with(entry), "python-control", lambda: (DRAWS, ""), [25.0])
 
-    assert made.remarks[0].startswith("the memory of the highest temperature: a loss of mag")
-    assert made.remarks[0] in made.content.decode()
-    assert 'params.get("peak_temperature", 60.0)' in made.content.decode()
+    text = made.content.decode()
+    assert made.remarks[0].startswith(note)
+    assert f"Not in this file: {made.remarks[0]}." in text
+    assert setting in text
 
 
 def test_file_is_a_program(tmp_path: Path) -> None:
