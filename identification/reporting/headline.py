@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from identification.reporting.loops import cold_and_hot, is_left_open, pair_text
+from identification.reporting.loops import cold_and_hot, is_left_open, pair_text, single_text
 from identification.reporting.summary import (
     DOWN_TO_NOISE,
     POOR_FIT,
@@ -240,8 +240,8 @@ def _loop_figures(result: Entry) -> list[KeyFigure]:
         if is_left_open(result, [cold], key):
             return KeyFigure(label, "not determined", remark, "fair")
         texts = [f"{end['temperature_degC']:g} °C" for end in ends]
-        value = pair_text(cold[key], None, " → ", unit)
-        return KeyFigure(label, value, f"{texts[0]} → {texts[1]} (not determined), {name}", "fair")
+        at_cold = f"at {texts[0]}, {name}; not determined at {texts[1]}"
+        return KeyFigure(label, single_text(cold[key], unit), at_cold, "fair")
 
     final = ("steady_state", "Final value", "")
     second = ("overshoot_percent", "Overshoot", "%") if suited else final

@@ -28,6 +28,7 @@ __all__ = [
     "metric_row",
     "metric_text",
     "pair_text",
+    "single_text",
 ]
 
 MetricRow = tuple[str, str, tuple[Interval, ...]]
@@ -204,6 +205,12 @@ def pair_text(cold: Entry | None, hot: Entry | None, between: str, unit: str) ->
     """Two medians with their unit; times below 1 s in milliseconds or microseconds."""
     factor, shown = unit_prefix(unit, [entry["median"] for entry in (cold, hot) if entry])
     return f"{_median(cold, factor)}{between}{_median(hot, factor)} {shown}".rstrip()
+
+
+def single_text(entry: Entry | None, unit: str) -> str:
+    """One median with its unit, as in `pair_text`."""
+    factor, shown = unit_prefix(unit, [entry["median"]] if entry else [])
+    return f"{_median(entry, factor)} {shown}".rstrip()
 
 
 def _median(entry: Entry | None, factor: float) -> str:

@@ -21,6 +21,14 @@ SMALL = """[...document.querySelectorAll("main *")].filter(element => {
   return hasText && isShown && scale * parseFloat(getComputedStyle(element).fontSize) < 10.95;
 }).map(element => element.textContent)"""
 """Texts below 11 pixels, drawings included."""
+OVERLAPPING = """[...document.querySelectorAll("main button, main .button")].filter((one, k, all) =>
+  all.slice(k + 1).some(other => {
+    const a = one.getBoundingClientRect(), b = other.getBoundingClientRect();
+    return Math.min(a.right, b.right) > Math.max(a.left, b.left) &&
+      Math.min(a.bottom, b.bottom) > Math.max(a.top, b.top);
+  })
+).map(element => element.textContent)"""
+"""Buttons that cover a part of another one."""
 
 
 @dataclass
@@ -59,6 +67,7 @@ class Walk:
             self.page.set_viewport_size({"width": width, "height": 900})
             assert self.page.evaluate("document.documentElement.scrollWidth") == width
             assert self.page.evaluate(SMALL) == []
+            assert self.page.evaluate(OVERLAPPING) == []
         self.page.evaluate(AXE)
         # A scheme changes colours only.
         self.page.emulate_media(color_scheme="dark")

@@ -2,7 +2,7 @@
 
 Every page on the way is checked in light and dark and at 1280 and 390 pixels: no message on the
 console, no request to another host, no serious accessibility finding of axe-core, no sideways
-scrolling, no text below 11 pixels.
+scrolling, no text below 11 pixels, no buttons that overlap.
 """
 
 from __future__ import annotations
@@ -100,6 +100,7 @@ def test_user_walks_from_three_files_to_a_report(walk: Walk, files: list[Path]) 
     walk.console.clear()
     walk.check()
     page.click("main >> text=Runs and fits")
+    page.locator("tr[data-fit]").first.wait_for()
     assert page.locator("tr[data-fit]").count() == 3
     walk.check()
 
