@@ -32,13 +32,13 @@ that, and their speed is compared with that of motors of their Kt / sqrt(Ra) [N 
     0.0015  Mabuchi RC-260RA-2670, 24,000 rpm
     0.016   BaneBots RS-550 (12 V, 85 A, 0.50 N m), 19,300 rpm
     0.018   VEX 775pro (12 V, 134 A, 0.71 N m), 18,730 rpm; motors of this kind in tools and models
-            are assumed to reach 3,000 rad/s, at 1.5 times the voltage
+            are assumed to reach 3,000 rad/s, and to have batteries of up to 24 V
     0.061   CIM (12 V, 131 A, 2.41 N m), 5,330 rpm; motors above 0.02 are assumed to reach
             1,500 rad/s
 
 A motor logged in rpm under a name in rad/s seems to have 1 / 9.55 of its constant, and 1 / 91 of
-its inertia; its balances and time constants are those of a possible motor.  Below the limits only
-the data sheet tells the units apart.
+its inertia; its balances, time constants and back-EMF are those of a possible motor.  Below the
+limits only the data sheet tells the units apart.
 
 The winding is of copper, alpha 0.0039 1/K, or of aluminium, 0.0040 1/K.  Leads, brushes and the
 transistors of a bridge are colder or have a smaller coefficient, so that alpha_Ra is that of copper
@@ -81,9 +81,9 @@ __all__ = [
 
 _SHEAR_PA: Final = 5e3
 _TIP_M_S: Final = 60.0
-_FASTEST_RAD_S: Final = ((0.001, 5500.0), (0.02, 3000.0), (math.inf, 1500.0))
-"""Largest motor constant Kt / sqrt(Ra) [N m/sqrt(W)] and highest speed [rad/s]: of motors for
-pagers and drones, for tools and models, and of larger ones."""
+_FASTEST_RAD_S: Final = ((0.001, 24.0, 5500.0), (0.02, 24.0, 3000.0), (math.inf, math.inf, 1500.0))
+"""Largest motor constant Kt / sqrt(Ra) [N m/sqrt(W)], largest back-EMF [V] and highest speed
+[rad/s]: of motors for pagers and drones, for tools and models, and of others."""
 _LIGHT: Final = 0.02
 _IRON: Final = 7.5e3
 _SLOW_S: Final = 8.0
@@ -120,7 +120,10 @@ def plausibility_findings(runs: Sequence[Run], estimates: Sequence[Estimate]) ->
     run = sound[0].run
     # The rated torque is limited by heat, that is by the RMS current; starts take many times more.
     radius = _radius(constant * max(float(np.sqrt(np.mean(e.run.current**2))) for e in sound))
-    fastest = next(most for size, most in _FASTEST_RAD_S if constant <= size * resistance**0.5)
+    size, voltage = constant / resistance**0.5, constant * speed
+    fastest = next(
+        most for largest, highest, most in _FASTEST_RAD_S if size <= largest and voltage <= highest
+    )
     if speed * radius > _TIP_M_S or speed > fastest:
         yield _fast(run, speed, fastest, speed * radius, constant)
     least = math.pi * _IRON * _radius(constant * max(_high(e.run.current) for e in sound)) ** 5

@@ -63,6 +63,15 @@ def test_the_speed_of_a_motor_of_a_tool_model_or_drone_is_no_suspicion(
     assert suspects_speed([replace(run, speed=30.0 / np.pi * run.speed) for run in runs])
 
 
+def test_a_small_motor_of_a_higher_voltage_is_not_taken_for_one_of_a_tool() -> None:
+    """At 48 V and 240 rad/s, read as rpm, it has the size of a 775 and seems to turn at 2,300."""
+    values = (2.3, 0.0039, 0.2, -0.0012, 2e-4, 1e-5, 5e-3)
+    runs = campaign(Motor("higher voltage", values, 48.0, 1e-3), seed=1)
+
+    assert not suspects_speed(runs)
+    assert suspects_speed([replace(run, speed=30.0 / np.pi * run.speed) for run in runs])
+
+
 def test_the_sentence_on_a_high_speed_leaves_the_unit_open() -> None:
     """Only a surface speed that no rotor endures is said to be too fast."""
     runs = campaign(motor_named("coreless 10 W"), seed=1)
