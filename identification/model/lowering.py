@@ -93,11 +93,13 @@ class Operations:
 
     def __init__(self, prefix: str, lanes: int = LANES) -> None:
         self.lanes, self.vector = lanes, block_type(lanes)
+        self._mask = f"<{lanes} x i1>"
         self.lines: dict[str, list[str]] = {"constant": [], "shared": [], "lane": []}
         self.declared: set[str] = set()
         self._prefix = prefix
         self._count = 0
         self._spread: dict[str, str] = {}
+        self._literals: dict[str, str] = {}
         self._inverse: dict[str, Value] = {}
 
     def _is_scalar(self, stage: str) -> bool:
@@ -106,16 +108,23 @@ class Operations:
 
     def _stage_of(self, operands: list[Value]) -> str:
         """Class of an operation on these operands: lane if theirs differ; literals have none."""
-        found = {operand.stage for operand in operands} - {"literal"}
-        if not found:
-            return "shared"
-        return found.pop() if len(found) == 1 else "lane"
+        found = "literal"
+        for _, stage in operands:
+            if found == "literal":
+                found = stage
+            elif stage not in (found, "literal"):
+                return "lane"
+        return "shared" if found == "literal" else found
 
     def _types(self, stage: str) -> tuple[str, str]:
         """LLVM types of the values of a class and of its conditions."""
+        return (_SCALAR, "i1") if self._is_scalar(stage) else (self.vector, self._mask)
+
+    def _names(self, stage: str, operands: list[Value]) -> list[str]:
+        """Names of the operands of an operation of a class."""
         if self._is_scalar(stage):
-            return _SCALAR, "i1"
-        return self.vector, f"<{self.lanes} x i1>"
+            return [name for name, _ in operands]
+        return [self._as_vector(value) for value in operands]
 
     def _new(self) -> str:
         self._count += 1
@@ -128,7 +137,9 @@ class Operations:
 
     def _as_vector(self, value: Value) -> str:
         if value.stage == "literal":
-            return "<" + ", ".join([f"double {value.name}"] * self.lanes) + ">"
+            if value.name not in self._literals:
+                self._literals[value.name] = f"<{', '.join([f'double {value.name}'] * self.lanes)}>"
+            return self._literals[value.name]
         if value.stage != "shared":
             return value.name
         if value.name not in self._spread:
@@ -155,12 +166,12 @@ class Operations:
             inverse = self._reciprocal(operands[1])
             return self.operation(ca.OP_MUL, [operands[0], inverse])
         if operation == ca.OP_IF_ELSE_ZERO:
-            return self.choice(operands[0], operands[1], literal(0.0))
+            return self.choice(operands[0], operands[1], _ZERO)
         kind, mask = self._types(stage)
-        names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
-        if operation in _BINARY:
-            word = f"{_BINARY[operation]} {_FLAGS} {kind} {names[0]}, {names[1]}"
-            return self._emit(stage, word)
+        names = self._names(stage, operands)
+        word = _BINARY.get(operation)
+        if word is not None:
+            return self._emit(stage, f"{word} {_FLAGS} {kind} {names[0]}, {names[1]}")
 
         def emit(expression: str) -> Value:
             return self._emit(stage, expression)
@@ -183,10 +194,9 @@ class Operations:
         operands = [condition, chosen, otherwise]
         stage = self._stage_of(operands)
         kind, mask = self._types(stage)
-        names = [x.name if kind == _SCALAR else self._as_vector(x) for x in operands]
-        zero = literal(0.0).name if kind == _SCALAR else self._as_vector(literal(0.0))
-        bit = self._emit(stage, f"fcmp une {kind} {names[0]}, {zero}")
-        return self._emit(stage, f"select {mask} {bit.name}, {kind} {names[1]}, {kind} {names[2]}")
+        at, first, second, zero = self._names(stage, [*operands, _ZERO])
+        bit = self._emit(stage, f"fcmp une {kind} {at}, {zero}")
+        return self._emit(stage, f"select {mask} {bit.name}, {kind} {first}, {kind} {second}")
 
     def _reciprocal(self, value: Value) -> Value:
         """Reciprocal of a divisor, computed in the divisor's own class.
@@ -322,3 +332,6 @@ def _joined(first: str, second: str, width: int) -> str:
 def literal(x: float) -> Value:
     """Number in LLVM's exact hexadecimal notation."""
     return Value(f"0x{struct.pack('>d', float(x)).hex().upper()}", "literal")
+
+
+_ZERO: Final = literal(0.0)

@@ -208,17 +208,19 @@ class Simulator:
         span = np.max([record.span for record in self.records], axis=0)
         rows = sum(record.rows for record in self.records)
         most = int(np.clip(_MOST_ROWS // rows, MOST_SUBSTEPS, _FINEST))
-        tolerance = _CONVERGED * span
-        coarse = self.with_tolerance(values, states, tolerance, most=most)
+        tolerance, (substeps, measured) = _CONVERGED * span, self._errors_at(values, states)
+        substeps, errors = refined(substeps, measured, tolerance, _ROUNDS, most)
+        coarse = self._with(substeps)
         before = coarse.logged(values[:, None], states)
         for _ in range(_ATTEMPTS):
             tolerance = tolerance / _FINER
-            fine = coarse.with_tolerance(values, states, tolerance, rounds=2, most=most)
+            more, later = refined(substeps, measured, tolerance, 2, most, errors)
+            fine = coarse._with(more)
             after = fine.logged(values[:, None], states)
             pairs = zip(after, before, strict=True)
             if not any(np.any(np.abs(a - b)[:, :, 0] > _AGREED * span) for a, b in pairs):
-                return coarse
-            coarse, before = fine, after
+                break
+            coarse, before, substeps, errors = fine, after, more, later
         return coarse
 
     def with_tolerance(

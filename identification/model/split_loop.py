@@ -45,8 +45,13 @@ class _Split(Operations):
         return stage != "lane"
 
     def _stage_of(self, operands: list[Value]) -> str:
-        found = {operand.stage for operand in operands}
-        return next((each for each in ("lane", "shared") if each in found), "constant")
+        found = "constant"
+        for _, stage in operands:
+            if stage == "lane":
+                return stage
+            if stage == "shared":
+                found = stage
+        return found
 
     def _as_vector(self, value: Value) -> str:
         if value.stage in ("literal", "lane"):

@@ -111,7 +111,7 @@ def test_optimum_with_the_lag_in_the_sensor_is_the_true_motor(
 
 def test_optimum_of_a_structured_residual_is_fitted_to_the_subset_alone() -> None:
     """All samples say no more than the subset, and a fit to them is several times as much work."""
-    fit, _ = filtered("coreless_10w", 0.4, 8000, 2)
+    fit, _ = filtered("coreless_10w", 0.4, 12_000, 2)
     work = []
     for is_structured in (False, True):
         with metered():
