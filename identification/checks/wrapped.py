@@ -53,7 +53,7 @@ def wrapped_findings(run: Run, signals: Signals) -> Iterator[Finding]:
         size = _range_of(signal)
         if size is None:
             continue
-        found = _without_jumps(signal, size)
+        found = np.unwrap(signal, period=size)
         is_current = column == "current_A"
         unwrapped = replace(signals, current=found) if is_current else replace(signals, speed=found)
         before, after = _missed(signals), _missed(unwrapped)
@@ -101,7 +101,7 @@ def _range_of(signal: Array) -> float | None:
 
 def _moves_on(signal: Array, size: float) -> bool:
     """True if the signal (n_sample,) moves within the range and beyond its limits."""
-    continued = _without_jumps(signal, size)
+    continued = np.unwrap(signal, period=size)
     turns = np.round((continued - signal) / size)
     parts = [continued[turns == turn] for turn in np.unique(turns)]
     return all(np.ptp(part) > _MOVED * noise_of(continued) for part in parts)
@@ -115,12 +115,6 @@ def _exact(size: float, steps: Array) -> float:
     exact = resolution * 2.0 ** np.round(np.log2(size / resolution))
     is_resolved = np.max(np.abs(counts - np.round(counts))) < _WHOLE
     return float(exact) if is_resolved and abs(exact / size - 1.0) < _NEAR else size
-
-
-def _without_jumps(signal: Array, size: float) -> Array:
-    """The signal (n_sample,) continued beyond the limits of its range."""
-    turns = np.round(np.diff(signal) / size)
-    return signal - size * np.concatenate(([0.0], np.cumsum(turns)))
 
 
 def _missed(signals: Signals) -> float:

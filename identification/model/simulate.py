@@ -29,12 +29,15 @@ from identification.model.misfit import MisfitLoop, is_slow, misfit_loop
 from identification.model.scan import Effort
 from identification.model.step_plan import StepPlan, plan_for, stiffness
 from identification.model.substeps import (
+    FINER,
     MOST_SUBSTEPS,
+    ROUNDS,
     Substeps,
     divided,
     errors_of,
     evenly,
     refined,
+    settled,
 )
 from identification.model.weighting import Weighting
 
@@ -54,9 +57,6 @@ _AGREED: Final = 1.5e-7
 """Difference from a finer simulation that a converged one may have, over the same range."""
 _FINEST, _MOST_ROWS = 4096, 2**21
 """Limits of a converged simulation: substeps of an interval, and of all records."""
-_FINER: Final = 8.0
-_ATTEMPTS: Final = 3
-_ROUNDS: Final = 6
 
 
 def initial_states(model: MotorModel, record: Record) -> Array:
@@ -156,7 +156,7 @@ class Simulator:
         return self.changed_to(self.model, values)
 
     def roughly_accurate(
-        self, values: Array, states: Sequence[Array], deviation: Array, rounds: int = _ROUNDS
+        self, values: Array, states: Sequence[Array], deviation: Array, rounds: int = ROUNDS
     ) -> Simulator:
         """Simulator with an error below a tenth of the noise in each sample interval.
 
@@ -173,29 +173,22 @@ class Simulator:
         in the same way, up to three times.  The arguments are those of `with_tolerance`, with the
         noise (2,) of current and speed [A, rad/s].
         """
-        tolerance, (substeps, measured) = _LOCAL, self._errors_at(values, states)
-        substeps, errors = refined(substeps, measured, tolerance * deviation, _ROUNDS)
-        coarse = self._with(substeps)
-        for _ in range(_ATTEMPTS):
-            tolerance /= _FINER
-            more, later = refined(substeps, measured, tolerance * deviation, 1, errors=errors)
-            fine = coarse._with(more)
-            if more is substeps or not coarse.differs_from(fine, values, states, deviation):
-                break
-            coarse, substeps, errors = fine, more, later
-        return coarse
+        return self._settled(values, states, _LOCAL * deviation, partial(self._hidden, deviation))
 
     def finer(self, values: Array, states: Sequence[Array], deviation: Array) -> Simulator:
         """Simulator with an eighth of the tolerance that `accurate` tries first."""
-        return self.with_tolerance(values, states, _LOCAL / _FINER * deviation)
+        return self.with_tolerance(values, states, _LOCAL / FINER * deviation)
 
     def differs_from(
         self, other: Simulator, values: Array, states: Sequence[Array], deviation: Array
     ) -> bool:
         """True if a channel differs by an RMS of more than a twentieth of the noise."""
         mine, others = (one.logged(values[:, None], states) for one in (self, other))
-        differences = [(a - b)[:, :, 0] for a, b in zip(mine, others, strict=True)]
-        return not np.all(rms_of(self.records, differences) < _TOTAL * deviation)
+        return not self._hidden(deviation, mine, others)
+
+    def _hidden(self, deviation: Array, one: Sequence[Array], other: Sequence[Array]) -> bool:
+        differences = [(a - b)[:, :, 0] for a, b in zip(one, other, strict=True)]
+        return bool(np.all(rms_of(self.records, differences) < _TOTAL * deviation))
 
     def converged(self, values: Array, states: Sequence[Array]) -> Simulator:
         """Simulator whose discretisation error is below a millionth of the signals.
@@ -208,27 +201,34 @@ class Simulator:
         span = np.max([record.span for record in self.records], axis=0)
         rows = sum(record.rows for record in self.records)
         most = int(np.clip(_MOST_ROWS // rows, MOST_SUBSTEPS, _FINEST))
-        tolerance, (substeps, measured) = _CONVERGED * span, self._errors_at(values, states)
-        substeps, errors = refined(substeps, measured, tolerance, _ROUNDS, most)
-        coarse = self._with(substeps)
-        before = coarse.logged(values[:, None], states)
-        for _ in range(_ATTEMPTS):
-            tolerance = tolerance / _FINER
-            more, later = refined(substeps, measured, tolerance, 2, most, errors)
-            fine = coarse._with(more)
-            after = fine.logged(values[:, None], states)
-            pairs = zip(after, before, strict=True)
-            if not any(np.any(np.abs(a - b)[:, :, 0] > _AGREED * span) for a, b in pairs):
-                break
-            coarse, before, substeps, errors = fine, after, more, later
-        return coarse
+
+        def agree(one: Sequence[Array], other: Sequence[Array]) -> bool:
+            pairs = zip(one, other, strict=True)
+            return not any(np.any(np.abs(a - b)[:, :, 0] > _AGREED * span) for a, b in pairs)
+
+        return self._settled(values, states, _CONVERGED * span, agree, rounds=2, most=most)
+
+    def _settled(
+        self,
+        values: Array,
+        states: Sequence[Array],
+        tolerance: Array,
+        agree: Callable[[Sequence[Array], Sequence[Array]], bool],
+        **limits: int,
+    ) -> Simulator:
+        substeps, measured = self._errors_at(values, states)
+
+        def readings(tried: tuple[Substeps, ...]) -> list[Array]:
+            return self._with(tried).logged(values[:, None], states)
+
+        return self._with(settled(substeps, measured, tolerance, readings, agree, **limits))
 
     def with_tolerance(
         self,
         values: Array,
         states: Sequence[Array],
         tolerance: Array,
-        rounds: int = _ROUNDS,
+        rounds: int = ROUNDS,
         most: int = MOST_SUBSTEPS,
     ) -> Simulator:
         """Refine the substeps until each sample interval meets the tolerance at `values`.

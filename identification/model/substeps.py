@@ -31,12 +31,28 @@ from identification.model.scan import Scan, scan_of
 from identification.model.step import advance, part_of_interval
 from identification.model.step_plan import StepPlan
 
-__all__ = ["MOST_SUBSTEPS", "Substeps", "divided", "doublings", "errors_of", "evenly", "refined"]
+__all__ = [
+    "FINER",
+    "MOST_SUBSTEPS",
+    "ROUNDS",
+    "Substeps",
+    "divided",
+    "doublings",
+    "errors_of",
+    "evenly",
+    "refined",
+    "settled",
+]
 
 MOST_SUBSTEPS: Final = 64
 """Sample interval over the shortest substep, at most."""
 _UNRESOLVED: Final = 1e6
 """Error over the tolerance of a substep whose simulation diverges."""
+FINER: Final = 8.0
+"""Tolerance over the smaller one with which it is compared."""
+ROUNDS: Final = 6
+"""Measurements of the errors at most until the substeps meet a tolerance."""
+_ATTEMPTS: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +185,35 @@ def refined(
         pieces = zip(substeps, halvings, strict=True)
         substeps, errors = tuple(each.halved(times) for each, times in pieces), None
     return substeps, errors
+
+
+def settled(
+    substeps: tuple[Substeps, ...],
+    measured: Callable[[Sequence[Substeps]], list[Array]],
+    tolerance: Array,
+    readings: Callable[[tuple[Substeps, ...]], list[Array]],
+    agree: Callable[[Sequence[Array], Sequence[Array]], bool],
+    *,
+    rounds: int = 1,
+    most: int = MOST_SUBSTEPS,
+) -> tuple[Substeps, ...]:
+    """Substeps that meet a tolerance and whose readings agree with those of an eighth of it.
+
+    If they do not, the finer substeps are compared in the same way, up to three times.  The
+    arguments are those of `refined`; the errors of the finer substeps are measured `rounds` times.
+    """
+    substeps, errors = refined(substeps, measured, tolerance, ROUNDS, most)
+    before: list[Array] | None = None
+    for _ in range(_ATTEMPTS):
+        tolerance = tolerance / FINER
+        finer, later = refined(substeps, measured, tolerance, rounds, most, errors)
+        if finer is substeps:
+            break
+        before, after = before or readings(substeps), readings(finer)
+        if agree(before, after):
+            break
+        before, substeps, errors = after, finer, later
+    return substeps
 
 
 def doublings(

@@ -26,8 +26,8 @@ __all__ = ["DryFrictionOfRuns", "ViscousFrictionOfRuns"]
 _SIZE: Final = 0.05
 """First guess of the friction at the RMS speed, over the torque scale."""
 _FADING: Final = (0.05, 20.0)
-"""Time constants that are told from an event at the start and from a constant, over the duration of
-the longest run."""
+"""Range of the time constant over the duration of the longest run.  Beyond it, the friction is an
+event at the start or a constant."""
 _FIRST: Final = 0.5
 """First guess of the time constant over the duration of the longest run."""
 
